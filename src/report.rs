@@ -14,6 +14,7 @@ mod measure;
 mod page;
 mod parts;
 pub mod plot;
+mod ranked;
 pub mod study;
 mod sweep;
 mod validate;

@@ -13,7 +13,7 @@ use serde::Serialize;
 pub use axis::Axis;
 pub use cause::Cause;
 use cause::{State, why};
-pub use ranking::{Criterion, Merit, Ranking};
+pub use ranking::{Criterion, Extremes, Merit, Ranking};
 
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -167,7 +167,7 @@ fn quantiles_of_sums(scenarios: &[Scenario]) -> Option<String> {
         format!(
             "Missions of different lengths: the dose of solar protons at {} % confidence is that of each mission as a whole, spread \
              evenly over its active years. A longer mission has less of it in its first years, and later dates at the same risk. \
-             --confidence {} compares dates of equal risk; environment.accumulate = \"yearly\" takes the quantile of each year.",
+             --probability {} compares dates of equal risk; environment.accumulate = \"yearly\" takes the quantile of each year.",
             100.0 * environment.confidence,
             environment.confidence,
         )

@@ -15,6 +15,7 @@ use crate::plan::judgement::{Budget, Limited};
 use crate::plan::scenario::{Comparison, Criterion, Ranking, Scenario};
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
+use crate::report::ranked::{by_others, named};
 
 impl Report for Comparison {
     fn text(&self) -> String {
@@ -137,6 +138,9 @@ impl Page for Comparison {
         for reason in &self.why {
             out.verdict(format!("  - {reason}"), 4);
         }
+        for other in by_others(&self.ranking, self.confidence, |place| self.said(place)) {
+            out.verdict(other, 2);
+        }
         out.warnings(&self.warnings);
         out
     }
@@ -153,9 +157,6 @@ impl Page for Comparison {
         sources::once(self.scenarios.iter().flat_map(|scenario| sources::of(&scenario.mission)))
     }
 }
-
-/// Maximum number of ties that are named.
-const NAMED: usize = 4;
 
 /// Quantities that budgets limit.
 const BUDGETS: [Limited; 3] = [Limited::DeltaE, Limited::C, Limited::M];
@@ -242,6 +243,11 @@ impl Comparison {
         }
     }
 
+    /// A scenario in words.
+    fn said(&self, place: usize) -> String {
+        name(&self.scenarios[place], self.several_missions())
+    }
+
     fn conclusion(&self) -> String {
         let Some(by) = self.ranking.by else { return "All are alike.".into() };
         let of = |places: &[usize]| {
@@ -270,16 +276,13 @@ impl Comparison {
                 }
                 Criterion::End => String::new(),
             };
-            let said = |place: &usize| name(&self.scenarios[*place], self.several_missions());
-            (format!("{}{fate}", said(&places[0])), places[1..].iter().map(said).collect::<Vec<_>>())
+            format!("{}{fate}", self.said(places[0]))
         };
-        let tied = |(first, others): (String, Vec<String>), word: &str| match others.len() {
-            0 => first,
-            n if n <= NAMED => format!("{first} (equally {word}: {})", others.join("; ")),
-            n => format!("{first} (equally {word}: {}; {} more)", others[..NAMED].join("; "), n - NAMED),
+        let tied = |places: &[usize], word: &str| match &places[1..] {
+            [] => of(places),
+            others => format!("{} (equally {word}: {})", of(places), named(others, |place| self.said(place))),
         };
-        let sides =
-            format!("Best: {}. Worst: {}.", tied(of(&self.ranking.best), "good"), tied(of(&self.ranking.worst), "bad"));
+        let sides = format!("Best: {}. Worst: {}.", tied(&self.ranking.best, "good"), tied(&self.ranking.worst, "bad"));
         let when = match by {
             Criterion::Used | Criterion::End => "At the end of the mission".into(),
             _ if self.compared_at_yr[1] < 0.1 => format!("After {:.1} d", DAYS_PER_YEAR * self.compared_at_yr[1]),

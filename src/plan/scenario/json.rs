@@ -3,7 +3,7 @@
 use serde::ser::{Serialize, Serializer};
 use toml::Value;
 
-use super::{Criterion, Ranking, Scenario};
+use super::{Criterion, Extremes, Ranking, Scenario};
 use crate::io::json;
 use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::DatedVerdict;
@@ -39,6 +39,7 @@ struct Places<'a> {
     tied_best: &'a [usize],
     tied_worst: &'a [usize],
     ranked_by: Option<Criterion>,
+    ranked_by_each: &'a [Extremes],
 }
 
 impl Serialize for Scenario {
@@ -70,6 +71,7 @@ impl Serialize for Ranking {
             tied_best: &self.best,
             tied_worst: &self.worst,
             ranked_by: self.by,
+            ranked_by_each: &self.each,
         };
         places.serialize(to)
     }

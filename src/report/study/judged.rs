@@ -1,12 +1,14 @@
 //! Budgets judged together: columns and sentences.
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::table::{column, words};
 use super::{Column, DataTable, Digits, StudyReport};
 use crate::mission::Mission;
 use crate::plan::judgement::{JudgedRow, Limited};
-use crate::plan::scenario::{Criterion, Ranking};
+use crate::plan::scenario::{Criterion, Extremes, Ranking};
+use crate::report::ranked::{by_others, named};
 use crate::report::study::estimate::plus_minus;
 use crate::study::Estimate;
 
@@ -71,7 +73,7 @@ pub(super) fn rank(
     required: Option<f64>,
     name: impl Fn(usize) -> String,
 ) {
-    let names = |places: &[usize]| places.iter().map(|place| name(*place)).collect::<Vec<_>>().join(", ");
+    let names = |places: &[usize]| named(places, &name);
     let Some(by) = ranking.by else {
         report.find(format!("For the requirement all {} tried are alike.", rows.len()));
         return;
@@ -84,6 +86,14 @@ pub(super) fn rank(
         names(&ranking.worst),
         fate(ranking.worst[0])
     ));
+    report.findings.extend(by_others(ranking, required, name));
+}
+
+/// The best and the worst by each criterion alone, by name, for programs.
+pub(super) fn each_alone(ranking: &Ranking, name: impl Fn(usize) -> String) -> Value {
+    let names = |places: &[usize]| places.iter().map(|place| name(*place)).collect::<Vec<_>>();
+    let one = |one: &Extremes| json!({"by": one.by, "best": names(&one.best), "worst": names(&one.worst), "values": one.values});
+    ranking.each.iter().map(one).collect()
 }
 
 /// The quantity by which a case is ranked.

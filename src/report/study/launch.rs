@@ -13,11 +13,9 @@ use crate::plan::judgement::{JudgedRow, Limited};
 use crate::plan::scenario::sun;
 use crate::plan::sources;
 use crate::report::plot::{Figure, Mark, Panel, Series, level, line};
+use crate::report::ranked::{by_others, named};
 use crate::study::Estimate;
 use crate::study::launch::{Launched, Results};
-
-/// Maximum number of ties that are named.
-const NAMED: usize = 6;
 
 impl Shown for Results {
     fn shown(&self, mission: &Mission) -> StudyReport {
@@ -40,6 +38,7 @@ impl Shown for Results {
         report.result("worst_launch", self.name(ranking.worst[0]));
         report.result("tied_best_launches", names(&ranking.best));
         report.result("tied_worst_launches", names(&ranking.worst));
+        report.result("ranked_by_each", judged::each_alone(ranking, |place| self.name(place)));
         match ranking.by {
             None => {
                 let fate = fate(&self.launches[0], false);
@@ -143,24 +142,25 @@ fn fate(launched: &Launched, dated: bool) -> String {
 }
 
 fn compare(report: &mut StudyReport, results: &Results) {
-    for (side, alike, places) in [("best", "good", &results.ranking.best), ("worst", "bad", &results.ranking.worst)] {
-        let (first, ties) = (places[0], &places[1..]);
-        let fate = fate(&results.launches[first], true);
-        report.find(format!("The {side} launch is {} ({fate}).", results.name(first)));
-        if !ties.is_empty() {
-            let mut names: Vec<String> = ties.iter().take(NAMED).map(|place| results.name(*place)).collect();
-            if ties.len() > NAMED {
-                names.push(format!("{} more", ties.len() - NAMED));
-            }
-            report.find(format!("Equally {alike}: {}.", names.join(", ")));
+    let ranking = &results.ranking;
+    let name = |place: usize| results.name(place);
+    for (side, alike, places) in [("best", "good", &ranking.best), ("worst", "bad", &ranking.worst)] {
+        let fate = fate(&results.launches[places[0]], true);
+        report.find(format!("The {side} launch is {} ({fate}).", name(places[0])));
+        if places.len() > 1 {
+            report.find(format!("Equally {alike}: {}.", named(&places[1..], name)));
         }
     }
+    report.findings.extend(by_others(ranking, results.confidence, name));
     let ends: Option<Vec<f64>> = results.launches.iter().map(|launched| launched.delta_e).collect();
     let ends = ends.unwrap_or_default();
     let (least, most) = (ends.iter().copied().fold(f64::INFINITY, f64::min), ends.iter().copied().fold(0.0, f64::max));
     if least > 0.0 && least.is_finite() {
         report.result("worst_over_best", most / least);
-        report.find(format!("The worst |delta e| at the end of the mission is {:.2} times the best.", most / least));
+        report.find(format!(
+            "|delta e| at the end of the mission is between {least:.3e} and {most:.3e}: a factor of {:.2}.",
+            most / least
+        ));
     }
     let all = results.launches.len();
     let lasts = |launched: &&Launched| match results.confidence {
