@@ -1,4 +1,4 @@
-//! The confidence by which missions are ranked.
+//! The probability by which missions are ranked. ESP's confidence is a key of the mission, and another quantity.
 
 use clap::Args;
 
@@ -9,10 +9,10 @@ use crate::plan::date_distribution::Confidence;
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Confident {
     /// Rank by how long budgets are kept with this probability, such as 0.9, instead of in the design case: the Sun and [uncertainty] are drawn
-    #[arg(long, value_name = "P", value_parser = probability)]
-    confidence: Option<f64>,
-    /// Draws of each mission, with --confidence
-    #[arg(long, value_name = "N", requires = "confidence", default_value_t = 400)]
+    #[arg(long, alias = "confidence", value_name = "P", value_parser = probability)]
+    probability: Option<f64>,
+    /// Draws of each mission, with --probability
+    #[arg(long, value_name = "N", requires = "probability", default_value_t = 400)]
     #[arg(value_parser = whole(20_u32..=65_536))]
     samples: u32,
 }
@@ -20,6 +20,6 @@ pub(super) struct Confident {
 impl Confident {
     /// The requested confidence, if any.
     pub fn confidence(self) -> Option<Confidence> {
-        self.confidence.map(|probability| Confidence { probability, samples: self.samples })
+        self.probability.map(|probability| Confidence { probability, samples: self.samples })
     }
 }

@@ -34,8 +34,8 @@ pub(super) struct Evaluate {
     #[arg(long)]
     check: bool,
     /// Required probability that the budget of the galaxy is met to the end of the mission, such as 0.9
-    #[arg(long, value_name = "P", value_parser = probability)]
-    confidence: Option<f64>,
+    #[arg(long, alias = "confidence", value_name = "P", value_parser = probability)]
+    probability: Option<f64>,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -52,7 +52,7 @@ impl Evaluate {
             monte_carlo: self.monte_carlo,
             samples: self.samples,
             posterior,
-            confidence: self.confidence,
+            confidence: self.probability,
             time_series: self.drawn.wanted(),
         };
         let report = self.assess(&mission, &options)?;

@@ -232,7 +232,7 @@ impl Confidence {
             let problem = "its traps change by more than their number, and the shear biases of draws are known against that number alone";
             let refused =
                 format!("cannot tell probabilities of requirement.c and m of mission \"{}\"", mission.mission.name);
-            return Err(InputError::new(refused, problem).with_help("leave out --confidence, or requirement.c and m"));
+            return Err(InputError::new(refused, problem).with_help("leave out --probability, or requirement.c and m"));
         }
         date_distribution(mission, None, biases, self.samples, mission.accuracy.seed, &Progress::NONE)
     }

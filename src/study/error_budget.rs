@@ -184,7 +184,7 @@ impl ErrorBudget {
         let needed = 2 * (inputs as u32 + 1);
         if self.draws < needed {
             let problem = format!("{} draws are too few for {inputs} uncertain inputs", self.draws);
-            return Err(InputError::new("cannot draw", problem).with_help(format!("--draws {needed} or more")));
+            return Err(InputError::new("cannot draw", problem).with_help(format!("--samples {needed} or more")));
         }
         let found = draws.fates(&Progress { stage: &|_, _| {}, advance })?;
         let nominal = draws.alone(None)?;

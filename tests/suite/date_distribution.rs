@@ -254,19 +254,19 @@ fn a_confidence_that_is_asked_for_decides_the_exit_status() {
     };
     // Met as it is expected, and in 98 % of the draws.
     assert_eq!(run(&["--samples", "0"]).0, 0);
-    let (status, text, _) = run(&["--confidence", "0.9"]);
+    let (status, text, _) = run(&["--probability", "0.9"]);
     assert!(
         status == 0
             && text.contains("\n  passed: |delta e| of \"faint\", corrected, is met with a probability of 98.0"),
         "{text}"
     );
-    let (status, text, _) = run(&["--confidence", "0.99"]);
+    let (status, text, _) = run(&["--probability", "0.99"]);
     assert!(status == 1 && text.contains("\n  not passed: |delta e|"), "{text}");
-    let (status, _, refusal) = run(&["--confidence", "90"]);
+    let (status, _, refusal) = run(&["--probability", "90"]);
     assert!(status == 2 && refusal.contains("90 % is 0.9"), "{refusal}");
-    let (status, _, refusal) = run(&["--confidence", "0.999"]);
+    let (status, _, refusal) = run(&["--probability", "0.999"]);
     assert!(status == 2 && refusal.contains("--samples 5000 or more"), "{refusal}");
-    let (status, _, refusal) = run(&["--confidence", "0.9", "--samples", "0"]);
+    let (status, _, refusal) = run(&["--probability", "0.9", "--samples", "0"]);
     assert!(status == 2 && refusal.contains("--samples"), "{refusal}");
 }
 

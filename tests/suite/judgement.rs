@@ -164,7 +164,7 @@ fn what_cannot_be_told_of_draws_is_refused() {
             path.to_str().unwrap(),
             "--launch",
             "2011-01-01",
-            "--confidence",
+            "--probability",
             "0.99",
             "--samples",
             "20",

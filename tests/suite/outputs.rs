@@ -61,7 +61,7 @@ const CASES: &[Case] = &[
     case("study pocket-pumping @mission.toml", DRAWN),
     case("study launch @mission.toml", DRAWN),
     case("study shielding @mission.toml", DRAWN),
-    case("study requirement @mission.toml --confidence 0", DRAWN),
+    case("study requirement @mission.toml --probability 0", DRAWN),
     case("study error-budget @mission.toml --detector-of @other.toml", DRAWN),
 ];
 

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use ctiplan::mission::Mission;
 use ctiplan::model::{Beside, Model};
 use ctiplan::plan::requirement::Crossing;
-use ctiplan::plan::scenario::{Axis, Candidate, Scenario, compare};
+use ctiplan::plan::scenario::{Axis, Candidate, Criterion, Ranking, Scenario, compare};
 use ctiplan::readout::Downstream;
 use ctiplan::report::Report;
 use ctiplan::report::study::{Shown, StudyReport};
@@ -348,7 +348,8 @@ fn launch_dates_are_compared_under_the_sun_of_their_years_and_every_output_says_
 
 #[test]
 fn the_best_never_exceeds_its_budget_earlier_than_any_other() {
-    const DAY_YR: f64 = 1.0 / 365.25;
+    // Dates that are printed alike, in years to two decimals, are equal.
+    const PRINTED_YR: f64 = 0.01;
     let dates = "2020-01-01..2030-07-01:0.75";
     let effects =
         ["", "[[effects.solar-flare]]\nt_yr = 1.3\ndose_mev_g = 5e6\n", "[effects.annealing]\ntime_yr = 1.0\n"];
@@ -379,7 +380,7 @@ fn the_best_never_exceeds_its_budget_earlier_than_any_other() {
                 let yr = |crossing: &Crossing| crossing.t_yr.unwrap_or(f64::INFINITY);
                 [yr(&scenario.verdict.uncorrected), yr(&scenario.verdict.corrected)]
             };
-            let not_later = |a: f64, b: f64| a <= b + DAY_YR;
+            let not_later = |a: f64, b: f64| a <= b + PRINTED_YR;
             for (place, scenario) in compared.scenarios.iter().enumerate() {
                 for best in &compared.ranking.best {
                     let best = lasts(&compared.scenarios[*best]);
@@ -392,7 +393,7 @@ fn the_best_never_exceeds_its_budget_earlier_than_any_other() {
                 // Where dates say nothing, the end does.
                 let best = &compared.scenarios[compared.ranking.best[0]];
                 if lasts(scenario) == lasts(best) {
-                    assert!(scenario.delta_e.unwrap() >= best.delta_e.unwrap() * (1.0 - 2e-6), "{case}: {place}");
+                    assert!(scenario.delta_e.unwrap() >= best.delta_e.unwrap() * (1.0 - 1e-3), "{case}: {place}");
                 }
             }
             for tied in &compared.ranking.best[1..] {
@@ -400,8 +401,73 @@ fn the_best_never_exceeds_its_budget_earlier_than_any_other() {
                 let few = compared.ranking.best.len() < 6;
                 assert!(!few || launched.findings.iter().any(|words| words.contains(&name)), "{case}: {name}");
             }
+            the_words_are_those_of_the_table(&launched, &compared.ranking, &case);
         }
     }
+}
+
+/// By each criterion the best and the worst launches are those whose numbers, as the table prints them, are the extremes, all of them;
+/// and the sentences quote these numbers.
+fn the_words_are_those_of_the_table(launched: &StudyReport, ranking: &Ranking, case: &str) {
+    let rows = rows(launched, "launches");
+    let printed = |place: usize, by: Criterion| match by {
+        Criterion::Uncorrected => rows[place]["exceeded_t_yr"].as_f64().map(|yr| format!("{yr:.2}")),
+        Criterion::Corrected => rows[place]["corrected_t_yr"].as_f64().map(|yr| format!("{yr:.2}")),
+        Criterion::Used => None,
+        Criterion::End => rows[place]["delta_e"].as_f64().map(|end| format!("{end:.3e}")),
+    };
+    let badness = |place: usize, by: Criterion| {
+        let value = printed(place, by).map_or(f64::INFINITY, |text| text.parse().unwrap());
+        if by == Criterion::End { value } else { -value }
+    };
+    for one in &ranking.each {
+        let all: Vec<f64> = (0..rows.len()).map(|place| badness(place, one.by)).collect();
+        let (least, most) = all.iter().fold((f64::INFINITY, -f64::INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+        let at = |extreme: f64| (0..all.len()).filter(|place| all[*place] == extreme).collect::<Vec<_>>();
+        assert_eq!((&one.best, &one.worst), (&at(least), &at(most)), "{case}: {:?}", one.by);
+    }
+    for one in ranking.other_criteria() {
+        let by = ["the uncorrected", "the corrected", "the share", "|delta e|"][one.by as usize];
+        let said = launched.findings.iter().find(|words| words.starts_with(&format!("By {by}")));
+        let said = said.unwrap_or_else(|| panic!("{case}: {by}: {:?}", launched.findings));
+        for place in [one.best[0], one.worst[0]] {
+            let number = printed(place, one.by).unwrap_or("not exceeded".into());
+            assert!(said.contains(&number), "{case}: {number}: {said}");
+        }
+    }
+    for (side, place) in [("best", ranking.best[0]), ("worst", ranking.worst[0])] {
+        let Some(said) = launched.findings.iter().find(|words| words.starts_with(&format!("The {side} launch"))) else {
+            continue;
+        };
+        for by in [Criterion::Uncorrected, Criterion::Corrected, Criterion::End] {
+            assert!(printed(place, by).is_none_or(|number| said.contains(&number)), "{case}: {said}");
+        }
+    }
+}
+
+/// Names of options before they had one name everywhere.
+#[test]
+fn old_names_of_options_keep_working() {
+    let help = |study: &str| String::from_utf8(ctiplan(&["study", study, "--help"]).stdout).unwrap();
+    let said = |arguments: &[&str]| {
+        let output = ctiplan(arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    let budget = ["study", "error-budget", SNAP, "--json"];
+    assert_eq!(said(&[&budget[..], &["--draws", "30"]].concat()), said(&[&budget[..], &["--samples", "30"]].concat()));
+    for study in ["error-budget", "correction", "calibration", "requirement", "launch", "clock", "shielding"] {
+        assert!(help(study).contains("--samples") && !help(study).contains("--draws"), "{study}");
+    }
+    for study in ["calibration", "requirement", "launch", "clock", "shielding"] {
+        assert!(help(study).contains("--probability"), "{study}");
+        assert!(study == "shielding" || !help(study).contains("--confidence"), "{study}");
+    }
+    let launch = ["study", "launch", SNAP, "--launch", "2009-01-01", "--json", "--samples", "40"];
+    assert_eq!(
+        said(&[&launch[..], &["--confidence", "0.7"]].concat()),
+        said(&[&launch[..], &["--probability", "0.7"]].concat())
+    );
 }
 
 /// Errors of what differs from seed to seed cover how much it differs: the scatter over the root mean square error.
@@ -634,15 +700,15 @@ fn every_study_prints_json_csv_and_figures() {
     let asked: [(&str, &[&str]); 11] = [
         ("clock", &["--line-time-ms", "5,25"]),
         ("distance", &[]),
-        ("correction", &["--draws", "2", "--realisations", "2"]),
+        ("correction", &["--samples", "2", "--realisations", "2"]),
         ("calibration", &["--interval-months", "3,6", "--samples", "50"]),
         ("preflash", &["--electrons", "100"]),
         ("charge-injection", &["--spacing-rows", "100"]),
         ("pocket-pumping", &["--dipoles", "2"]),
         ("launch", &["--launch", "2009-01-01"]),
         ("shielding", &["--thickness-mm", "10,20"]),
-        ("error-budget", &["--draws", "30"]),
-        ("requirement", &["--confidence", "0"]),
+        ("error-budget", &["--samples", "30"]),
+        ("requirement", &["--probability", "0"]),
     ];
     for (name, options) in asked {
         let command = [&["study", name, TRADES, "--plots", plots, "--overwrite"][..], options].concat();
@@ -710,7 +776,7 @@ fn what_makes_no_sense_is_refused() {
         (&["charge-injection", SNAP, "--charge-e", "1e9"], "full well"),
         (&["pocket-pumping", SNAP, "--phase-ms", "1e6"], "no cycle"),
         (&["shielding", SNAP, "--confidence", "95"], "a probability, not a percentage"),
-        (&["error-budget", SNAP, "--draws", "5"], "--draws 30"),
+        (&["error-budget", SNAP, "--samples", "5"], "--samples 30"),
         (&["correction", SNAP, "--fit", "nowhere.json"], "nowhere.json"),
     ];
     for (arguments, said) in refused {

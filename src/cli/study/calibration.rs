@@ -17,8 +17,8 @@ pub(super) struct Calibration {
     #[arg(long, value_name = "SHARE", default_value_t = default().release_error, value_parser = share)]
     release_error: f64,
     /// Probability with which the requirement is to be met, by the draws of the Sun
-    #[arg(long, value_name = "P", default_value_t = default().probability, value_parser = probability)]
-    confidence: f64,
+    #[arg(long, alias = "confidence", value_name = "P", default_value_t = default().probability, value_parser = probability)]
+    probability: f64,
     /// Draws of the Sun
     #[arg(long, value_name = "N", default_value_t = default().samples, value_parser = whole(20_u32..=65_536))]
     samples: u32,
@@ -46,7 +46,7 @@ impl Options for Calibration {
             intervals_months: intervals.collect::<Result<_, _>>()?,
             density_error: self.density_error,
             release_error: self.release_error,
-            probability: self.confidence,
+            probability: self.probability,
             samples: self.samples,
         })
     }

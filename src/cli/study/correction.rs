@@ -24,8 +24,8 @@ pub(super) struct Correction {
     #[arg(long, value_name = "N", default_value_t = default().iterations, value_parser = whole(1_u32..=50))]
     iterations: u32,
     /// Sets of believed parameters that are drawn
-    #[arg(long, value_name = "N", default_value_t = default().draws, value_parser = whole(2_u32..=10_000))]
-    draws: u32,
+    #[arg(long, alias = "draws", value_name = "N", default_value_t = default().draws, value_parser = whole(2_u32..=10_000))]
+    samples: u32,
     /// Read noise, e- per pixel [default: that of the mission's clock, or of its galaxy]
     #[arg(long, value_name = "ELECTRONS", value_parser = electrons)]
     read_noise_e: Option<f64>,
@@ -59,7 +59,7 @@ impl Options for Correction {
             well_fill_error: self.well_fill_error,
             fit: self.fit.as_ref().map(|path| path.to_path_buf()),
             iterations: self.iterations,
-            draws: self.draws,
+            draws: self.samples,
             read_noise_e: self.read_noise_e,
             realisations: self.realisations,
             seed: self.seed,

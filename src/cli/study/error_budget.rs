@@ -10,8 +10,8 @@ use crate::study::error_budget;
 #[derive(Debug, Args)]
 pub(super) struct ErrorBudget {
     /// Missions that are drawn
-    #[arg(long, value_name = "N", default_value_t = error_budget::ErrorBudget::default().draws, value_parser = whole(2_u32..=65_536))]
-    draws: u32,
+    #[arg(long, alias = "draws", value_name = "N", default_value_t = error_budget::ErrorBudget::default().draws, value_parser = whole(2_u32..=65_536))]
+    samples: u32,
     /// Years since launch up to which dates are followed, at most 100 [default: the mission]
     #[arg(long, value_name = "YEARS")]
     horizon_yr: Option<f64>,
@@ -28,7 +28,7 @@ impl Options for ErrorBudget {
 
     fn study(&self, _: &[&str]) -> Result<error_budget::ErrorBudget, InputError> {
         Ok(error_budget::ErrorBudget {
-            draws: self.draws,
+            draws: self.samples,
             horizon_yr: self.horizon_yr,
             detector_of: self.detector_of.as_ref().map(Mission::read).transpose()?,
             seed: self.seed,

@@ -9,8 +9,8 @@ use crate::study::requirement;
 #[derive(Debug, Args)]
 pub(super) struct Requirement {
     /// Also find what keeps the budget with this probability, with the Sun and [uncertainty] drawn; 0: leave that out
-    #[arg(long, value_name = "P", default_value = "0.9", value_parser = probability_or_none)]
-    confidence: f64,
+    #[arg(long, alias = "confidence", value_name = "P", default_value = "0.9", value_parser = probability_or_none)]
+    probability: f64,
     /// Draws of each mission
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = whole(20_u32..=65_536))]
     samples: u32,
@@ -21,7 +21,7 @@ impl Options for Requirement {
 
     fn study(&self, _: &[&str]) -> Result<requirement::Requirement, InputError> {
         let asked =
-            (self.confidence > 0.0).then_some(Confidence { probability: self.confidence, samples: self.samples });
+            (self.probability > 0.0).then_some(Confidence { probability: self.probability, samples: self.samples });
         Ok(requirement::Requirement { confidence: asked })
     }
 }
