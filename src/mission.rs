@@ -95,6 +95,8 @@ pub struct ImportedSpectrum {
     pub spectrum: Spectrum,
     /// Whether it is per second.
     pub per_second: bool,
+    /// Highest energy of the file at which there are protons, MeV.
+    pub last_mev: f64,
 }
 
 /// `[environment]`

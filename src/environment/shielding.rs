@@ -135,7 +135,7 @@ const DIRECTIONS: usize = 48;
 
 /// Dose against thickness of aluminium, tabulated.
 pub struct DepthCurve {
-    /// ln g/cm², evenly spaced, and ln MeV/g.
+    /// ln g/cm², evenly spaced, and MeV/g.
     points: Vec<(f64, f64)>,
 }
 
@@ -145,25 +145,31 @@ impl DepthCurve {
         let (from, to) = (least.max(THINNEST).ln(), most.max(1.5 * least).max(1.5 * THINNEST).ln());
         let point = |index: usize| {
             let log = from + (to - from) * index as f64 / DIRECTIONS as f64;
-            (log, dose_behind(spectrum, log.exp(), niel).max(f64::MIN_POSITIVE).ln())
+            (log, dose_behind(spectrum, log.exp(), niel))
         };
         DepthCurve { points: (0..=DIRECTIONS).map(point).collect() }
     }
 
     /// Dose (MeV/g) behind a thickness (g/cm²): a cubic in the logarithms through the four nearest points, limited to the range of
-    /// the two adjacent ones. (At the end of a spectrum a cubic overshoots.)
+    /// the two adjacent ones. (At the end of a spectrum a cubic overshoots.) Beside a point without dose there is no logarithm:
+    /// linear.
     pub fn at(&self, thickness_g_cm2: f64) -> f64 {
         let log = thickness_g_cm2.max(THINNEST).ln();
         let first = self.points.partition_point(|point| point.0 <= log).saturating_sub(2).min(self.points.len() - 4);
         let near = &self.points[first..first + 4];
+        let after = self.points.partition_point(|point| point.0 <= log).clamp(1, self.points.len() - 1);
+        let (thinner, thicker) = (self.points[after - 1], self.points[after]);
+        if near.iter().any(|point| point.1 <= 0.0) {
+            let share = ((log - thinner.0) / (thicker.0 - thinner.0)).clamp(0.0, 1.0);
+            return thinner.1 + share * (thicker.1 - thinner.1);
+        }
         let weight = |index: usize| {
             let others = near.iter().enumerate().filter(|(other, _)| *other != index);
             others.map(|(_, point)| (log - point.0) / (near[index].0 - point.0)).product::<f64>()
         };
-        let cubic: f64 = (0..4).map(|index| weight(index) * near[index].1).sum();
-        let after = self.points.partition_point(|point| point.0 <= log).clamp(1, self.points.len() - 1);
-        let (thinner, thicker) = (self.points[after - 1].1, self.points[after].1);
-        cubic.clamp(thicker.min(thinner), thicker.max(thinner)).exp()
+        let cubic: f64 = (0..4).map(|index| weight(index) * near[index].1.ln()).sum();
+        let (from, to) = (thinner.1.ln(), thicker.1.ln());
+        cubic.clamp(to.min(from), to.max(from)).exp()
     }
 }
 

@@ -106,11 +106,6 @@ impl Spectrum {
         -per_mev * self.above(energy_mev)
     }
 
-    /// Highest energy (MeV) of its nodes; None if there is no fluence.
-    pub fn last_mev(&self) -> Option<f64> {
-        self.nodes.last().map(|node| node.0)
-    }
-
     /// Energies (MeV) between which the spectrum is smooth.
     pub fn kinks_mev(&self) -> impl Iterator<Item = f64> {
         self.kinks.iter().copied()

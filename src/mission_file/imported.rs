@@ -147,9 +147,16 @@ fn spectra(mission: &Mission) -> Result<Vec<ImportedSpectrum>, Refusal> {
             program: format!("{:?}", read.program),
             spectrum: spectrum(&read),
             per_second: read.time == Time::PerSecond,
+            last_mev: last_mev(&read),
         })
     };
     mission.environment.spectra.iter().flatten().map(of).collect()
+}
+
+/// Highest energy (MeV) at which there are protons, or the last one if there are none.
+fn last_mev(read: &SpectrumFile) -> f64 {
+    let last = read.values.iter().rposition(|value| *value > 0.0);
+    read.energies_mev[last.unwrap_or(read.energies_mev.len() - 1)]
 }
 
 /// Power laws between the energies of a file.

@@ -29,13 +29,14 @@ pub(super) fn of(mission: &Mission) -> Vec<Warning> {
     let empty = means.iter().all(|mean| mean.yearly.above(0.0) == 0.0);
     let held = elements.argument_of_perigee_deg.is_some();
     let reached = elements.perigee_km < 20_000.0;
+    let repeats = elements.repeats_longitudes(mission.mission.duration_yr);
     let long = elements.apogee_km > HIGH_KM && elements.eccentricity() > 0.3;
     let of_orbit = [
         (empty && reached).then(|| Warning::NoTrappedProtons { orbit: mission.orbit_name() }),
-        elements.repeats_longitudes().filter(|_| reached).map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
+        repeats.filter(|_| reached).map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
         (relative_error > 0.005).then_some(Warning::OrbitMean { relative_error }),
         (elements.perigee_km < LOW_KM).then_some(Warning::LowAltitude { perigee_km: elements.perigee_km }),
-        long.then_some(Warning::PerigeeMoves { held }),
+        (long && reached).then_some(Warning::PerigeeMoves { held }),
     ];
     warnings.extend(of_orbit.into_iter().flatten());
     warnings
@@ -50,8 +51,7 @@ fn import_warnings(mission: &Mission) -> Vec<Warning> {
     let (thinnest, thickest) = (open().fold(f64::INFINITY, f64::min), open().fold(0.0, f64::max));
     let stopped_mev = RANGE_ALUMINIUM.inverse(thinnest);
     let ends = mission.imported.spectra.iter().filter_map(|imported| {
-        let last_mev = imported.spectrum.last_mev()?;
-        let file = imported.file.clone();
+        let (last_mev, file) = (imported.last_mev, imported.file.clone());
         (last_mev < ENOUGH * stopped_mev).then_some(Warning::SpectrumEnds { file, last_mev, stopped_mev })
     });
     let curve = &mission.imported.dose_depth;

@@ -122,7 +122,10 @@ impl Survey {
     /// The quantity in the curve of the dose against thickness.
     fn depth_title(&self) -> String {
         let of = if self.depths_of_mission { "the mission" } else { "one active year" };
-        format!("Dose of {of} behind aluminium, at {} % confidence", 100.0 * self.confidence)
+        // The confidence is that of ESP's solar protons, and of nothing else.
+        let esp = !self.depths_of_mission || self.sources.iter().any(|source| source.name == "solar-protons");
+        let at = if esp { format!(", at {} % confidence", 100.0 * self.confidence) } else { String::new() };
+        format!("Dose of {of} behind aluminium{at}")
     }
 
     fn year_by_year(&self, out: &mut Parts) {

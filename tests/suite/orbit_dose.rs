@@ -10,6 +10,7 @@ use ctiplan::model::Model;
 use ctiplan::plan::dose::{Survey, survey};
 use ctiplan::plan::evaluate::evaluate;
 use ctiplan::plan::scenario::{Axis, Candidate, compare};
+use ctiplan::report::Report;
 use ctiplan::study::Study;
 use ctiplan::study::shielding::Shielding;
 use ctiplan::warning::Warning;
@@ -385,11 +386,34 @@ fn imports_are_not_extrapolated_in_silence() {
     fs::write(folder.path().join("narrow.csv"), "energy_mev,integral_cm2\n10,1e10\n30,1e9\n60,1e8\n").unwrap();
     assert!(warned(&read("spectra = [\"narrow.csv\"]", 10.0), "ends at 60 MeV"));
     assert!(!warned(&read("spectra = [\"narrow.csv\"]", 1.0), "ends at 60 MeV"));
+    // Its last energy is that at which there are still protons, whatever the curve between two energies.
+    for zeros in ["", "20,0\n", "20,0\n100,0\n"] {
+        let text = format!("energy_mev,differential_cm2_mev\n1,1e10\n2,2e9\n10,1e7\n{zeros}");
+        fs::write(folder.path().join("few.csv"), text).unwrap();
+        let few = read("spectra = [\"few.csv\"]", 10.0);
+        assert!(warned(&few, "few.csv ends at 10 MeV"), "{zeros}");
+        // ESP's confidence is no property of an imported spectrum.
+        let said = asked(&few).text();
+        assert!(said.contains("Dose of the mission behind aluminium\n"), "{said}");
+    }
     fs::write(folder.path().join("depth.csv"), "thickness_mm,dose_mev_g\n5,1e7\n10,5e6\n20,2e6\n").unwrap();
     assert!(warned(&read("dose_depth = \"depth.csv\"", 50.0), "is extrapolated"));
     assert!(!warned(&read("dose_depth = \"depth.csv\"", 10.0), "is extrapolated"));
     let refused = Shielding::default().study(&read("dose_depth = \"depth.csv\"", 10.0), &|| {});
     assert!(refused.unwrap_err().to_string().contains("the dose is imported"));
+}
+
+/// No dose is 0, and not the smallest number of the machine.
+#[test]
+fn what_no_proton_reaches_has_no_dose() {
+    for orbit in ["kind = \"geo\"".to_string(), elements(35_786.0, 35_786.0, 0.0)] {
+        let found = asked(&mission(&orbit, "sources = [\"trapped-protons\"]", SPHERE));
+        let doses = found.depths.iter().flat_map(|at| [at.sphere_mev_g, at.slab_mev_g]);
+        assert!(doses.clone().all(|dose| dose == 0.0 || dose > 1e-30), "{:?}", found.depths);
+        assert!(
+            !asked(&mission(&orbit, "sources = [\"trapped-protons\"]", SPHERE)).text().contains("confidence\n mm Al")
+        );
+    }
 }
 
 /// A phase of the solar cycle holds sources that are derived; beside a dose rate that is given it does nothing, and that is said.
@@ -420,6 +444,22 @@ fn ends_of_the_models_are_warned_of() {
     let circle = |altitude_km: f64| mission(&elements(altitude_km, altitude_km, 0.0), "", SPHERE);
     assert!(warned(&circle(400.0), "no trapped protons"));
     assert!(!warned(&circle(3000.0), "no trapped protons"));
+    let moves = "Sun and Moon move the perigee";
+    for (perigee_km, apogee_km, warns) in
+        [(7000.0, 114_000.0, true), (108_000.0, 373_000.0, false), (540.0, 540.0, false)]
+    {
+        assert_eq!(warned(&mission(&elements(perigee_km, apogee_km, 37.0), "", SPHERE), moves), warns, "{perigee_km}");
+    }
+    // All longitudes pass within 61 days of a day's 1.016 revolutions.
+    for (perigee_km, apogee_km, warns) in [(2500.0, 70_000.0, false), (500.0, 39_860.0, true), (2500.0, 69_074.0, true)]
+    {
+        let orbit = elements(perigee_km, apogee_km, 63.0);
+        assert_eq!(
+            warned(&mission(&orbit, "", SPHERE), "meets the same longitudes"),
+            warns,
+            "{perigee_km} {apogee_km}"
+        );
+    }
     // Active years start 2.5 yr before the maximum.
     let of = |duration_yr: f64| {
         let text = text("kind = \"l2\"", "solar_maximum = [2026.8, 2038.0]", SPHERE);

@@ -69,11 +69,21 @@ impl Elements {
         rate.to_degrees() * 3600.0 * 24.0 * 365.25
     }
 
-    /// Revolutions per sidereal day if one or two, to 5 %: the same longitudes then recur, and a mean over all of them is only
-    /// valid for the mean of many such orbits.
-    pub fn repeats_longitudes(&self) -> Option<u32> {
-        let revolutions = SIDEREAL_DAY_H / self.period_h();
-        [1, 2].into_iter().find(|count| (revolutions / f64::from(*count) - 1.0).abs() < 0.05)
+    /// Revolutions per sidereal day if one or two, and if the longitudes of the passes drift too slowly for all of them to be met
+    /// within a time (yr): a mean over all longitudes is then only valid for the mean of many such orbits.
+    ///
+    /// The passes of one day are 360°/revolutions apart, and drift by 360° (1 − revolutions per day/revolutions) a day.
+    pub fn repeats_longitudes(&self, within_yr: f64) -> Option<u32> {
+        /// Relative error of the revolutions per day of altitudes that are written to three digits, such as 20 200 km (which is
+        /// 20 182 km), and of the drift of the node.
+        const ROUNDED: f64 = 0.003;
+        let per_day = SIDEREAL_DAY_H / self.period_h();
+        let days = within_yr * 365.25 * 24.0 / SIDEREAL_DAY_H;
+        [1, 2].into_iter().find(|revolutions| {
+            let revolutions = f64::from(*revolutions);
+            let drift = (per_day / revolutions - 1.0).abs();
+            drift < ROUNDED || drift * days < 1.0 / revolutions
+        })
     }
 
     /// Whether the difference of perigee and apogee is negligible.

@@ -125,9 +125,16 @@ fn perigees_drift_as_satellites_show() {
     assert!(elements(500.0, 40_000.0, 63.4349, Some(270.0)).perigee_drift_deg_yr().abs() < 0.01);
     let station = elements(415.0, 425.0, 51.64, None).perigee_drift_deg_yr() / 365.25;
     assert!((station - 3.7).abs() < 0.1, "{station}");
-    assert_eq!(GEOSTATIONARY.repeats_longitudes(), Some(1));
-    assert_eq!(elements(20_200.0, 20_200.0, 55.0, None).repeats_longitudes(), Some(2));
-    assert_eq!(elements(540.0, 540.0, 28.5, None).repeats_longitudes(), None);
+}
+
+#[test]
+fn longitudes_repeat_if_they_do_not_all_pass_within_the_mission() {
+    assert_eq!(GEOSTATIONARY.repeats_longitudes(5.0), Some(1));
+    assert_eq!(elements(20_200.0, 20_200.0, 55.0, None).repeats_longitudes(5.0), Some(2));
+    assert_eq!(elements(540.0, 540.0, 28.5, None).repeats_longitudes(5.0), None);
+    // 24.33 h: 5.9 degrees a day, all longitudes in 61 days.
+    let nearly_a_day = elements(2500.0, 70_000.0, 28.0, Some(0.0));
+    assert_eq!([0.1, 0.2].map(|within_yr| nearly_a_day.repeats_longitudes(within_yr)), [Some(1), None]);
 }
 
 #[test]
