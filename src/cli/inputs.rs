@@ -152,11 +152,15 @@ fn settings(settings: &[String]) -> Result<Vec<(String, toml::Value)>, InputErro
     for setting in settings {
         let (key, value) = key_and_value(setting)?;
         let axis = Axis::parse(key, value)?;
-        let [value] = &axis.values[..] else {
-            return Err(InputError::new(format!("cannot set {setting}"), "one value is needed here")
-                .with_help("`ctiplan compare` takes lists and ranges"));
+        let [single] = &axis.values[..] else {
+            let listed = axis.values.iter().all(toml::Value::is_array);
+            let help = match listed {
+                true => format!("a list stands in brackets: --set {key}=[{value}]"),
+                false => "`ctiplan compare` takes lists and ranges".into(),
+            };
+            return Err(InputError::new(format!("cannot set {setting}"), "one value is needed here").with_help(help));
         };
-        values.push((axis.key, value.clone()));
+        values.push((axis.key, single.clone()));
     }
     Ok(values)
 }

@@ -669,7 +669,8 @@ impl Allowed {
     pub fn allowed(&self, unit: &str) -> String {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         match *self {
-            Number(low, high) | Numbers(low, high) => format!("{} to {}{unit}", plain(low), plain(high)),
+            Number(low, high) => format!("{} to {}{unit}", plain(low), plain(high)),
+            Numbers(low, high) => format!("a list in brackets of numbers from {} to {}{unit}", plain(low), plain(high)),
             Allowed::Positive(low, high) => format!("above {} and up to {}{unit}", plain(low), plain(high)),
             Integer(low, i64::MAX) => format!("whole numbers from {low}"),
             Integer(low, high) => format!("whole numbers from {low} to {high}"),

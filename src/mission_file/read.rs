@@ -921,7 +921,21 @@ pub(crate) fn check_value(
             let help = word.parse::<chrono::NaiveDate>().ok().map(|date| format!("without quotes: {date}"));
             Err(InputError { help, ..wrong_kind() })
         }
+        // One value where a list is needed.
+        (Allowed::Numbers(..), DeValue::Float(_) | DeValue::Integer(_)) | (Allowed::Texts, DeValue::String(_)) => {
+            Err(InputError { help: Some(format!("in brackets: [{}]", written(value))), ..wrong_kind() })
+        }
         _ => Err(wrong_kind()),
+    }
+}
+
+/// A number or a word as it stands in a file.
+fn written(value: &DeValue) -> String {
+    match value {
+        DeValue::Float(float) => float.as_str().to_string(),
+        DeValue::Integer(integer) => integer.to_string(),
+        DeValue::String(word) => format!("{word:?}"),
+        _ => String::new(),
     }
 }
 
