@@ -315,6 +315,16 @@ mod tests {
     }
 
     #[test]
+    fn names_of_other_languages_lead_to_functions_that_exist() {
+        for (name, here) in
+            [("log", "`ln`"), ("log", "`log10`"), ("log2", "ln(x)"), ("ceil", "`ceiling`"), ("pow", "x^y")]
+        {
+            let error = Expression::parse(&format!("1 + {name}(x)")).unwrap_err();
+            assert!(error.help.unwrap().contains(here), "{name}");
+        }
+    }
+
+    #[test]
     fn no_text_makes_it_panic() {
         for text in [
             "",

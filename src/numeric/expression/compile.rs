@@ -1,6 +1,6 @@
 //! Text of an expression → its program, in one pass by operator precedence (Pratt 1973).
 
-use super::function::{FUNCTIONS, Function};
+use super::function::{FUNCTIONS, Function, called_here};
 use super::token::{Token, TokenKind, next_token};
 use super::{Binary, Expression, ExpressionError, NESTED, Step};
 use crate::error::nearest;
@@ -243,10 +243,11 @@ impl<'a> Compiler<'a> {
     fn call(&mut self, name: &Token) -> Result<Type, Fault> {
         let Some(function) = Function::find(name.text) else {
             let known = || FUNCTIONS.iter().map(|function| function.name);
-            let help = nearest(name.text, known()).map_or_else(
-                || format!("there are: {}", known().collect::<Vec<_>>().join(", ")),
-                |near| format!("did you mean `{near}`?"),
-            );
+            let help = match (called_here(name.text), nearest(name.text, known())) {
+                (Some(ours), _) => ours.to_string(),
+                (None, Some(near)) => format!("did you mean `{near}`?"),
+                (None, None) => format!("there are: {}", known().collect::<Vec<_>>().join(", ")),
+            };
             return fault_with_help(name.at, format!("no function is called `{}`", name.text), help);
         };
         let open = self.advance();

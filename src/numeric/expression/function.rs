@@ -51,6 +51,23 @@ pub static FUNCTIONS: [Function; 20] = [
     two("hypot", f64::hypot),
 ];
 
+/// What functions of other languages are called here.
+const ELSEWHERE: [(&[&str], &str); 8] = [
+    (&["log", "Log", "LOG"], "`ln` is the natural logarithm, `log10` that to base 10"),
+    (&["log2", "lb", "ld"], "`ln(x) / ln(2)`"),
+    (&["log1p"], "`ln(1 + x)`"),
+    (&["expm1"], "`exp(x) - 1`"),
+    (&["lg"], "`log10` is the logarithm to base 10, `ln` the natural one"),
+    (&["pow", "power"], "`x^y` is a power"),
+    (&["ceil"], "did you mean `ceiling`?"),
+    (&["arcsin", "arccos", "arctan", "arctg"], "there are `asin`, `acos` and `atan`"),
+];
+
+/// What a function of another language is called here.
+pub fn called_here(name: &str) -> Option<&'static str> {
+    ELSEWHERE.iter().find(|(names, _)| names.contains(&name)).map(|(_, here)| *here)
+}
+
 impl Function {
     /// The function with this name.
     pub fn find(name: &str) -> Option<&'static Function> {
