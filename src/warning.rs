@@ -42,6 +42,31 @@ pub enum Warning {
         /// Its release time over the time between two transfers.
         over_line: f64,
     },
+    /// A readout takes hours.
+    LongReadout {
+        /// Time between two transfers, ms.
+        line_time_ms: f64,
+        /// Time of all transfers, h.
+        hours: f64,
+    },
+    /// All species release far too early or far too late to be noticed.
+    NothingToNotice {
+        /// The shortest and the longest release time, ms.
+        release_ms: (f64, f64),
+        /// Time between two transfers, ms.
+        line_time_ms: f64,
+        /// Time of all transfers, ms.
+        readout_ms: f64,
+    },
+    /// Release times are quoted at a temperature far from that of the detector.
+    FarFromReference {
+        /// The species whose release time changes most.
+        species: String,
+        /// The reference temperature and that of the detector, K.
+        temperatures_k: (f64, f64),
+        /// Its release time at these, ms.
+        release_ms: (f64, f64),
+    },
     /// Traps start in the state of the pixel nearer to the register.
     CarriedTraps,
     /// A pixel holds more than the full well.
@@ -396,6 +421,24 @@ impl fmt::Display for Warning {
                 out,
                 "{species}: the release time is {over_line:.3} line times. In a CCD nearly all of these electrons return to their own \
                  packet. Without [readout.clock] they join the packet behind, and the trail of {species} is overestimated"
+            ),
+            Warning::LongReadout { line_time_ms, hours } => write!(
+                out,
+                "with readout.line_time_ms = {line_time_ms} a readout takes {hours:.1} h: is the line time in ms? (50000 us are 50 ms)"
+            ),
+            Warning::NothingToNotice { release_ms: (least, most), line_time_ms, readout_ms } => write!(
+                out,
+                "no species releases at a time that the readout notices, between the line time of {line_time_ms} ms and the                  {readout_ms:.3e} ms of all transfers: their release times are {least:.2e} to {most:.2e} ms; are line time and release                  times in ms?"
+            ),
+            Warning::FarFromReference {
+                species,
+                temperatures_k: (reference, operating),
+                release_ms: (quoted, release),
+            } => write!(
+                out,
+                "{species}: {quoted:.2e} ms at {reference} K (detector.reference_temperature_k) are {release:.2e} ms at {operating} K: \
+                 release times far from the temperature at which they were measured are uncertain by as much as their energies; is that \
+                 the temperature at which they are quoted?"
             ),
             Warning::CarriedTraps => write!(
                 out,

@@ -1,6 +1,7 @@
 //! The chain: mission → dose → traps → readout → shapes → verdict.
 
 pub(crate) mod json;
+mod time_scales;
 
 use chrono::NaiveDate;
 
@@ -16,8 +17,7 @@ use crate::physics::shape::ShapeChange;
 use crate::plan::noise::NoisyEvaluation;
 use crate::plan::population::PopulationBias;
 use crate::plan::requirement::{Crossing, Point, resolved};
-use crate::readout::Clock;
-use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
+use crate::warning::Warning;
 
 /// All results from a mission to its verdict.
 #[derive(Clone, Debug)]
@@ -229,18 +229,7 @@ pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     if mission.readout.traps_at_start == TrapsAtStart::Carried {
         warnings.push(Warning::CarriedTraps);
     }
-    let device = model.device_at(mission.mission.duration_yr)?;
-    let one_step = device.clock == Clock::single();
-    for species in device.traps {
-        let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
-        if over_readout > 1.0 && species.density_per_px > 0.0 && mission.persistence().is_none() {
-            warnings.push(Warning::NeverReleases { species: species.name.clone(), over_readout });
-        }
-        let over_line = species.release_ms / mission.readout.line_time_ms;
-        if one_step && over_line < RELEASED_IN_PLACE_LINES && species.density_per_px > 0.0 {
-            warnings.push(Warning::ReleasesInPlace { species: species.name, over_line });
-        }
-    }
+    warnings.extend(time_scales::warnings(model)?);
     if mission.accuracy.readout == ReadoutMethod::Fast && mission.accuracy.relative > SHOWS_IN_SHAPES {
         warnings.push(Warning::CoarseAccuracy { relative: mission.accuracy.relative });
     }

@@ -15,7 +15,7 @@ use crate::mission::{Mission, Persistence, SceneBefore, Store};
 use crate::model::realise::NoisyChange;
 use crate::physics::shape::ShapeChange;
 use crate::physics::solar_event_dose::SOLAR_PROTONS;
-use crate::physics::{RateOrigin, SourceDose};
+use crate::physics::{RateOrigin, SourceDose, SpeciesState};
 use crate::plan::assessment::Assessment;
 use crate::plan::compliance::{Line, lines, passes};
 use crate::plan::date_distribution::DateDistribution;
@@ -205,6 +205,23 @@ impl Assessment {
                 out.table(densities);
             }
         }
+        self.release_times(out);
+    }
+
+    /// Release times at the end of the mission, if they are not those of the mission file: at another temperature.
+    fn release_times(&self, out: &mut Parts) {
+        let Evaluation { model, years, .. } = &self.evaluation;
+        let traps = &years.last().expect("a mission has an end").traps;
+        let quoted = |species: &&SpeciesState| {
+            let quoted = model.mission.detector.traps.iter().find(|quoted| quoted.name == species.name);
+            quoted.is_none_or(|quoted| (species.release_ms / quoted.release_ms - 1.0).abs() < 1e-9)
+        };
+        if traps.iter().all(|species| quoted(&species)) {
+            return;
+        }
+        let time = |species: &SpeciesState| format!("{} {} ms", species.name, significant(species.release_ms));
+        let times = traps.iter().map(time).collect::<Vec<_>>().join(", ");
+        out.words(format!("Release times at the end of the mission, {}: {times}", temperature(&model.mission)), 2);
     }
 
     fn at_the_end(&self, out: &mut Parts) {

@@ -49,6 +49,44 @@ fn every_mission_runs() {
     }
 }
 
+/// A line time or release times in another unit, and a reference temperature that is not that of the release times, are named.
+#[test]
+fn times_that_do_not_go_together_are_named() {
+    let mission = |settings: &[(&str, f64)]| {
+        let settings: Vec<_> = settings.iter().map(|(key, value)| (key.to_string(), (*value).into())).collect();
+        Mission::read("missions/snap_l2.toml").unwrap().with(&settings).unwrap()
+    };
+    let warnings = |settings: &[(&str, f64)]| -> Vec<String> {
+        evaluate(&mission(settings)).unwrap().warnings.iter().map(ToString::to_string).collect()
+    };
+    let species = |factor: f64| {
+        let times = [("Ci", 250.0), ("VV", 12.15), ("CO", 5000.0)];
+        times.map(|(name, ms)| (format!("detector.traps.{name}.release_ms"), factor * ms))
+    };
+    let line_us: &[(&str, f64)] = &[("readout.line_time_ms", 25_000.0)];
+    let slow = species(1e6);
+    let slow: Vec<(&str, f64)> = slow.iter().map(|(key, value)| (key.as_str(), *value)).collect();
+    let fast = species(1e-5);
+    let fast: Vec<(&str, f64)> = fast.iter().map(|(key, value)| (key.as_str(), *value)).collect();
+    let reference: &[(&str, f64)] = &[("detector.reference_temperature_k", 100.0)];
+    let hot: &[(&str, f64)] = &[("detector.temperature_k", 188.0)];
+    for (settings, said) in [
+        (line_us, "with readout.line_time_ms = 25000 a readout takes 11.5 h"),
+        (&slow, "no species releases at a time that the readout notices"),
+        (&fast, "no species releases at a time that the readout notices"),
+        (reference, "ms at 100 K (detector.reference_temperature_k)"),
+        (hot, "ms at 133 K (detector.reference_temperature_k)"),
+    ] {
+        let found = warnings(settings);
+        assert!(found.iter().any(|warning| warning.contains(said)), "{settings:?}: {found:?}");
+    }
+    for settings in [&[][..], &[("readout.line_time_ms", 100.0)], &[("detector.temperature_k", 137.0)]] {
+        let doubted = ["a readout takes", "no species releases", "reference_temperature_k"];
+        let found = warnings(settings);
+        assert!(!found.iter().any(|warning| doubted.iter().any(|said| warning.contains(said))), "{found:?}");
+    }
+}
+
 #[test]
 fn a_resolved_mission_is_the_same_mission() {
     for file in files("missions") {
