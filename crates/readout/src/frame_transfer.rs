@@ -18,16 +18,19 @@
 //!    others at the line time of the readout.
 //! 4. The store's pixels below the first packet, at the line time of the readout.
 //!
-//! All but the third are exact. In the third, packets that are read find the traps as if all packets before them had passed at the
-//! line time of the readout. Some of these passed in the burst and left more traps filled. This affects only packets within a few
-//! release times, in the pixels where packets wait. No time passes between the burst and the first line that is read.
+//! No time passes between the burst and the first line that is read. The third is exact for capture at once into one cloud in a clock
+//! of one phase, whose traps are followed through burst and lines (`waiting_pixels.rs`). Otherwise packets that are read find the
+//! traps as if all packets before them had passed at the line time of the readout. Some of these passed in the burst and left more
+//! traps filled. This affects only packets within a few release times, in the pixels where packets wait.
 //!
 //! Derived for ctiplan; `tests/frame_transfer.rs` compares it with a program that follows all pixels in time.
 
 use ndarray::{Array2, Axis, s};
 
 use super::bands::Journey;
-use super::{Method, Readout};
+use super::several_clouds::clouds_of;
+use super::waiting_pixels::WaitingPixel;
+use super::{Cloud, Method, Readout, Trap, WIDEST, columns, continuum};
 
 /// A detector with a store region.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,12 +66,35 @@ impl FrameTransfer {
     /// The pixels in which packets wait after the burst.
     fn through_resting_places(&self, mut packets: Array2<f64>, rows: i64, ahead: &Ahead) -> Array2<f64> {
         let exists = |row: &usize| (0..i64::from(self.rows)).contains(&(rows + *row as i64));
+        if let Some((traps, cloud)) = self.followed() {
+            let burst_per_line = self.burst.traps[0].release_transfers / self.store.traps[0].release_transfers;
+            let pixel = WaitingPixel::new(&traps, &cloud, burst_per_line, packets.nrows());
+            return columns(&packets, Axis(1), &|charge_e, column| {
+                let ahead_e = if ahead.rows > 0 { ahead.charge_e[column as usize] } else { 0.0 };
+                for waiting in (0..charge_e.len()).rev().filter(exists) {
+                    pixel.pass(charge_e, waiting, cloud.height(ahead_e));
+                }
+            });
+        }
         for waiting in (0..packets.nrows()).rev().filter(exists) {
             let in_burst = ahead.through(&self.burst, packets.slice(s![..=waiting, ..]).to_owned(), 1);
             packets = ahead.through(&self.store, packets, 1);
             packets.slice_mut(s![..=waiting, ..]).assign(&in_burst);
         }
         packets
+    }
+}
+
+impl FrameTransfer {
+    /// Traps and cloud of the store if they can be followed through burst and readout.
+    fn followed(&self) -> Option<(Vec<Trap>, Cloud)> {
+        let method = self.store.method;
+        let exact = matches!(method, Method::Exact | Method::Fast { .. });
+        let traps: Vec<Trap> = self.store.traps.iter().filter(|trap| trap.density_per_px > 0.0).copied().collect();
+        let at_once = |trap: &Trap| trap.capture_transfers == 0.0 && !trap.returns() && trap.release_transfers > 0.0;
+        let (clouds, _) = clouds_of(&traps, &self.store.cloud);
+        (exact && !traps.is_empty() && clouds.len() == 1 && self.store.traps.iter().all(at_once))
+            .then(|| (continuum::resolved(&traps, WIDEST, continuum::error_of(method)), clouds[0].clone()))
     }
 }
 

@@ -50,6 +50,7 @@ mod power;
 mod several_clouds;
 mod simd;
 mod spent;
+mod waiting_pixels;
 mod watermarks;
 
 pub use bands::Band;

@@ -92,10 +92,9 @@ fn read(detector: &FrameTransfer, column_e: &[f64], downstream: Downstream) -> V
     detector.parallel_after_each(&image, downstream.rows, &[downstream.charge_e]).into_raw_vec_and_offset().0
 }
 
-/// Line times of the burst, ms, and the largest error, in units of the largest change. If burst and readout have one line time, nothing
-/// is left out, and what remains are the heights of the program: half of one, of half a trap, in 120 pixels. Otherwise packets that
-/// wait leave more traps filled than is assumed, in each of the 60 pixels in which a packet waits.
-const ERRORS: [(f64, f64); 3] = [(LINE_MS, 2e-4), (2.0, 5e-3), (0.5, 1e-2)];
+/// Line times of the burst, ms, and the largest error, in units of the largest change: the heights of the program, half of one, of half
+/// a trap, in 120 pixels.
+const ERRORS: [(f64, f64); 4] = [(LINE_MS, 2e-4), (2.0, 2e-4), (0.5, 2e-4), (0.01, 2e-4)];
 
 #[test]
 fn a_whole_column_is_read_as_if_all_pixels_were_followed_in_time() {
