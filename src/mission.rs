@@ -580,6 +580,10 @@ impl Requirement {
     }
 }
 
+/// Largest accepted `environment.dose_factor`, and the largest multiple of a dose that studies search. A margin is at most a factor of a
+/// few; a budget divided by a correction factor allows tens. A percentage such as 120 is refused.
+pub const MOST_DOSE_FACTOR: f64 = 100.0;
+
 /// `[accuracy]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Accuracy {

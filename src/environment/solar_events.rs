@@ -160,6 +160,14 @@ impl SolarEvents {
         Some((years().fold(f64::INFINITY, f64::min), years().fold(0.0, f64::max)))
     }
 
+    /// Rank of a sample: its [`SunSample::confidence`].
+    ///
+    /// # Panics
+    /// If there are not that many.
+    pub fn rank(&self, index: usize) -> f64 {
+        self.ranked[index].1
+    }
+
     /// A sample.
     ///
     /// # Panics

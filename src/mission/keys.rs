@@ -1,6 +1,7 @@
 //! All keys of a mission file: unit, allowed values, default, and advice on frequent mistakes.
 
 use crate::environment::material::Material;
+use crate::mission::MOST_DOSE_FACTOR;
 use Allowed::{Choice, Date, Integer, IntegerLists, Number, Numbers, Text, Texts};
 use Need::{Default, Optional, Required};
 
@@ -203,12 +204,12 @@ pub const KEYS: &[Key] = &[
         Optional,
     ),
     Key {
-        help: |value| (value > 10.0).then(|| "a factor: a margin of 20 % is 1.2".into()),
+        help: |value| (value > MOST_DOSE_FACTOR).then(|| "a factor: a margin of 20 % is 1.2".into()),
         ..key(
             "environment.dose_factor",
             "factor on the whole dose, such as a radiation design margin",
             "",
-            Number(0.0, 10.0),
+            Number(0.0, MOST_DOSE_FACTOR),
             Default("1.0"),
         )
     },

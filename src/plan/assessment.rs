@@ -62,7 +62,8 @@ pub fn assess(mission: &Mission, options: &Options, progress: &Progress) -> Resu
         0 => None,
         samples => {
             let (posterior, biases) = (options.posterior.as_ref(), evaluation.population.as_ref());
-            Some(date_distribution(mission, posterior, biases, samples, seed, progress)?)
+            let found = date_distribution(mission, posterior, biases, samples, seed, progress)?;
+            Some(found.with_noise(&evaluation).with_part_of_a_year(mission, progress)?)
         }
     };
     let noisy = noisy.unwrap_or_default();

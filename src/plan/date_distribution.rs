@@ -1,4 +1,8 @@
 //! Distribution of the date on which the budget is exceeded.
+//!
+//! It is that of the mean change of shape, without noise. What this leaves out is computed beside it (`date_distribution/left_out.rs`).
+
+mod left_out;
 
 use chrono::NaiveDate;
 use serde::Serialize;
@@ -10,7 +14,9 @@ use super::progress::Progress;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::numeric::calendar::date_after;
-use crate::numeric::estimate::{quantile, with_errors};
+use crate::numeric::estimate::{quantile, share_error, share_error_in_order, with_errors};
+
+pub use left_out::PartOfAYear;
 
 /// Probabilities of the quantiles.
 pub const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
@@ -45,6 +51,9 @@ pub struct DateDistribution {
     pub shares: Vec<Share>,
     /// Why the Sun was not drawn; None if it was.
     pub sun_not_drawn: Option<String>,
+    /// What ESP's least time of one active year does to a mission with less; None for others, or if this was not computed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part_of_a_year: Option<PartOfAYear>,
     /// How changes of shape were emulated; None if each was read out, for fewer draws.
     pub emulated: Option<Emulated>,
     /// Keys that were drawn from a posterior.
@@ -55,6 +64,9 @@ pub struct DateDistribution {
     pub posterior_describes_data: Option<bool>,
     /// Keys of the device in which the fitted mission differs from this one.
     pub posterior_differing: Vec<String>,
+    /// The result of each draw, and their order for errors.
+    #[serde(skip)]
+    draws: (Vec<Fate>, Option<Vec<usize>>),
 }
 
 /// When a limit is exceeded, without and with software correction.
@@ -84,6 +96,10 @@ pub struct Dates {
     pub probability_exceeded: f64,
     /// Its standard error from the finite number of samples.
     pub probability_error: f64,
+    /// The same probability with the noise of one exposure, if that was computed: |Δe| of each draw at the end, multiplied as that of
+    /// the mission is by noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub probability_exceeded_with_noise: Option<f64>,
     /// Quantiles of the date, in the order of [`QUANTILES`].
     pub quantiles: Vec<DateQuantile>,
     /// The time of each sample, years since launch, ascending; infinite if not exceeded within the mission.
@@ -127,9 +143,11 @@ pub fn date_distribution(
     // The effective size of the posterior limits that of the draws; so does its number of draws.
     let worth = posterior.map(|sample| sample.effective_samples.unwrap_or(f64::INFINITY).min(sample.len() as f64));
     let effective = worth.unwrap_or(f64::INFINITY).clamp(1.0, count as f64);
+    // Rows of a posterior are independent of each other.
+    let order = found.order.as_deref().filter(|_| posterior.is_none());
     let dates = |exceeded_yr: &dyn Fn(&Fate) -> Option<f64>| {
         let times_yr = found.fates.iter().map(|fate| exceeded_yr(fate).unwrap_or(f64::INFINITY)).collect();
-        Dates::of(times_yr, effective, mission.mission.launch.0, seed)
+        Dates::of(times_yr, order, effective, mission.mission.launch.0, seed)
     };
     let both = |exceeded_yr: &dyn Fn(&Fate, usize) -> Option<f64>| LimitDates {
         uncorrected: dates(&|fate| exceeded_yr(fate, 0)),
@@ -153,22 +171,24 @@ pub fn date_distribution(
         c: limited[0].then(|| bias(0)),
         m: limited[1].then(|| bias(1)),
         first: limited.contains(&true).then(|| both(&first)),
-        shares: shares(&found, seed),
+        shares: shares(&found, order, seed),
         sun_not_drawn: draws.sun_not_drawn().map(String::from),
+        part_of_a_year: None,
         emulated: found.emulated,
         posterior_converged: posterior.and_then(|sample| sample.converged),
         posterior_describes_data: posterior.and_then(|sample| sample.describes_data),
         posterior_differing: posterior.map_or(Vec::new(), |sample| sample.differing.clone()),
         posterior_keys: posterior.map_or(Vec::new(), |sample| sample.keys.clone()),
+        draws: (found.fates, found.order),
     })
 }
 
 /// Shares of the variance of ln |Δe| at the end of the mission, the largest first; empty if it does not vary.
-fn shares(found: &Fates, seed: u64) -> Vec<Share> {
+fn shares(found: &Fates, order: Option<&[usize]>, seed: u64) -> Vec<Share> {
     let count = found.names.len() + 1;
     let statistics = |places: &[usize]| found.explained(places).shares().unwrap_or(vec![f64::NAN; count]);
     let names = found.names.iter().map(String::as_str).chain([NOT_LINEAR]);
-    let values = with_errors(found.fates.len(), seed, statistics);
+    let values = with_errors(found.fates.len(), order, seed, statistics);
     let share = |(name, (share, error)): (&str, (f64, Option<f64>))| Share {
         input: name.to_string(),
         share,
@@ -201,11 +221,6 @@ pub struct Confidence {
 }
 
 impl Confidence {
-    /// Standard error of the probability.
-    pub fn error(self) -> f64 {
-        share_error(self.probability, f64::from(self.samples))
-    }
-
     /// Whether it can be estimated from this number of draws.
     ///
     /// # Errors
@@ -264,17 +279,16 @@ impl Dates {
         Some(quantile(&self.times_yr, 1.0 - probability)).filter(|t_yr| t_yr.is_finite())
     }
 
-    /// From times (years since launch, infinite if not within the mission) with an effective number of independent ones. Errors of
-    /// quantiles are from a bootstrap with a seed.
-    pub fn of(mut times_yr: Vec<f64>, effective: f64, launch: NaiveDate, seed: u64) -> Dates {
-        times_yr.sort_by(f64::total_cmp);
+    /// From times (years since launch, infinite if not within the mission) of draws that are evenly spread in an order, or of an
+    /// effective number of independent ones. Errors of quantiles are from a bootstrap with a seed.
+    pub fn of(mut times_yr: Vec<f64>, order: Option<&[usize]>, effective: f64, launch: NaiveDate, seed: u64) -> Dates {
         let statistics = |places: &[usize]| {
             let mut drawn: Vec<f64> = places.iter().map(|place| times_yr[*place]).collect();
             drawn.sort_by(f64::total_cmp);
             QUANTILES.map(|p| quantile(&drawn, p)).to_vec()
         };
         let widened = (times_yr.len() as f64 / effective).sqrt();
-        let found = with_errors(times_yr.len(), seed, statistics);
+        let found = with_errors(times_yr.len(), order, seed, statistics);
         let at = |(p, (t_yr, error_yr)): (f64, (f64, Option<f64>))| {
             let t_yr = Some(t_yr).filter(|t_yr| t_yr.is_finite());
             DateQuantile {
@@ -285,16 +299,15 @@ impl Dates {
             }
         };
         let quantiles = QUANTILES.into_iter().zip(found).map(at).collect();
-        let within = times_yr.iter().filter(|t_yr| t_yr.is_finite()).count() as f64 / times_yr.len() as f64;
-        Dates { probability_exceeded: within, probability_error: share_error(within, effective), quantiles, times_yr }
+        let holds: Vec<bool> = times_yr.iter().map(|t_yr| t_yr.is_finite()).collect();
+        let probability_exceeded = holds.iter().filter(|within| **within).count() as f64 / holds.len() as f64;
+        let probability_error = match order {
+            Some(order) => share_error_in_order(&holds, order),
+            None => share_error(probability_exceeded, effective),
+        };
+        times_yr.sort_by(f64::total_cmp);
+        Dates { probability_exceeded, probability_error, probability_exceeded_with_noise: None, quantiles, times_yr }
     }
-}
-
-/// Standard error of a fraction of n independent draws: that of a Beta distribution after a flat prior, which does not vanish for
-/// fractions of 0 and 1.
-pub(crate) fn share_error(share: f64, n: f64) -> f64 {
-    let (some, others) = (share * n + 1.0, (1.0 - share) * n + 1.0);
-    (some * others / (n + 3.0)).sqrt() / (n + 2.0)
 }
 
 #[cfg(test)]
@@ -308,7 +321,7 @@ mod tests {
         let times = |n: usize| (0..n).map(move |i| 10.0 * (i as f64 + 0.5) / n as f64);
         let n = 1000;
         let within: Vec<f64> = times(n).map(|t_yr| if t_yr > 6.0 { f64::INFINITY } else { t_yr }).collect();
-        let dates = Dates::of(within.clone(), n as f64, launch, 1);
+        let dates = Dates::of(within.clone(), None, n as f64, launch, 1);
         assert!((dates.probability_exceeded - 0.6).abs() < 1e-12);
         assert!((dates.probability_error / (0.6 * 0.4 / n as f64).sqrt() - 1.0).abs() < 0.01, "{dates:?}");
         let [early, median, late] = dates.quantiles[..] else { panic!("{dates:?}") };
@@ -318,14 +331,14 @@ mod tests {
         let expected = 10.0 * (0.25 / n as f64).sqrt();
         assert!((median.error_yr.unwrap() / expected - 1.0).abs() < 0.25, "{median:?} {expected}");
         // A quarter as many independent draws: errors twice as large.
-        let fewer = Dates::of(within, 0.25 * n as f64, launch, 1);
+        let fewer = Dates::of(within, None, 0.25 * n as f64, launch, 1);
         assert!((fewer.quantiles[1].error_yr.unwrap() / median.error_yr.unwrap() - 2.0).abs() < 1e-9);
     }
 
     #[test]
     fn what_never_happened_may_yet_happen() {
         let launch = NaiveDate::from_ymd_opt(2030, 1, 1).unwrap();
-        let dates = Dates::of(vec![f64::INFINITY; 98], 98.0, launch, 1);
+        let dates = Dates::of(vec![f64::INFINITY; 98], None, 98.0, launch, 1);
         assert_eq!(dates.probability_exceeded, 0.0);
         // Beta(1, 99): standard deviation √(99/101)/100.
         assert!((dates.probability_error - (99.0_f64 / 101.0).sqrt() / 100.0).abs() < 1e-12);

@@ -10,12 +10,15 @@
 //! their own uncertainties.
 //!
 //! Doses and traps of each draw are those of its own model. Its changes of shape are emulated (`draws/emulator.rs`) from readouts
-//! at some of the draws, if the emulator is accurate to [`ACCEPTED`], and read out one by one otherwise.
+//! at some of the draws. Readouts are added until the emulator is accurate to [`ACCEPTED`] up to the limits. If it is not, some
+//! draws are read out one by one, evenly chosen by the rank of their Sun, so that they hold its distribution as all draws do.
 
+mod damage_curve;
 mod emulator;
 mod fate;
 pub mod input;
 mod shares;
+mod strata;
 mod sun;
 
 use std::ops::Range;
@@ -24,7 +27,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::environment::solar_cycle::{self, ACTIVE_YR};
 use crate::error::InputError;
-use crate::mission::{DoseModel, FitSettings, Mission, ReadoutMethod};
+use crate::mission::{Accuracy, DoseModel, FitSettings, Mission, ReadoutMethod};
 use crate::model::{Device, Model, predict};
 use crate::numeric::calendar::decimal_year;
 use crate::numeric::parallel;
@@ -39,13 +42,13 @@ use crate::plan::mission_sample::MissionSample;
 use crate::plan::population::TrapLimits;
 use crate::plan::progress::Progress;
 
-use emulator::{Emulator, Place};
+use emulator::{Emulator, Example, Place};
 pub use fate::Fate;
 use input::{Derived, Input, cycles, inputs};
 use shares::Explained;
 use sun::Suns;
 
-/// Largest accepted error of the emulator: relative, of |Δe|, as root mean square over held-back draws.
+/// Largest accepted error of the emulator: relative, of |Δe|, as root mean square over held-back draws near the limits.
 pub const ACCEPTED: f64 = 0.01;
 
 /// Maximum number of draws if each is read out.
@@ -57,11 +60,18 @@ const MOST_TERMS: usize = 320;
 /// Readouts per coefficient in an emulator's fit.
 const READOUTS_PER_TERM: f64 = 1.7;
 
+/// Maximum number of readouts in an emulator's fit: about half of those of [`MOST_DIRECT`] draws, which take some ten each.
+const MOST_READOUTS: usize = 1000;
+
+/// Factor on the error below which twice the readouts are worth it: otherwise it is that of the polynomial.
+const IMPROVED: f64 = 0.9;
+
 /// Readouts held back from the fit.
 const HELD_BACK: usize = 50;
 
-/// |Δe| below this share of the uncorrected limit is replaced by it in relative errors: its errors shift no date.
-const SMALL: f64 = 0.1;
+/// |Δe| below this share of the smallest limit is replaced by it in relative errors, and |Δe| above this multiple of the largest
+/// limit by that: errors there shift no date.
+const COUNTED: [f64; 2] = [0.1, 2.0];
 
 /// Draws of a mission.
 pub struct Draws<'a> {
@@ -109,6 +119,9 @@ pub struct Fates {
     pub of_posterior: Range<usize>,
     /// How shapes were emulated; None if each was read out.
     pub emulated: Option<Emulated>,
+    /// The draws in the order of an input in which they are evenly spread and which explains most, for errors; None if there is no
+    /// such input.
+    pub order: Option<Vec<usize>>,
 }
 
 /// One draw.
@@ -157,6 +170,8 @@ impl<'a> Draws<'a> {
         base.mission.duration_yr = horizon_yr;
         let suns = Suns::of(&nominal.like(&base), samples, seed);
         let mut expected = base.clone();
+        // Few results, with the dates of an evaluation: as accurate as that.
+        expected.accuracy = Accuracy { readout: ReadoutMethod::Fast, ..mission.accuracy.clone() };
         as_numbers(&mut expected, &nominal, false);
         as_numbers(&mut base, &nominal, suns.is_ok());
         let mut inputs = inputs(&base, Derived::of(mission));
@@ -278,12 +293,25 @@ impl<'a> Draws<'a> {
         }
     }
 
-    /// The results of `count` draws, evenly chosen, with each change of shape read out.
+    /// The results of `count` draws, evenly chosen by the rank of their Sun, with each change of shape read out.
     ///
     /// # Errors
     /// As [`Draws::fates`].
     pub fn read_out(&self, count: u32, progress: &Progress) -> Result<Fates, InputError> {
-        self.followed(&evenly(self.samples, count as usize), None, progress)
+        let (order, count) = (self.by_rank(), count.min(self.samples) as usize);
+        let middle = |place: usize| order[(2 * place + 1) * order.len() / (2 * count)] as u32;
+        let mut chosen: Vec<u32> = (0..count).map(middle).collect();
+        chosen.sort_unstable();
+        self.followed(&chosen, None, progress)
+    }
+
+    /// All draws in the order of the rank of their Sun; of their indices if it is not drawn.
+    pub fn by_rank(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.samples as usize).collect();
+        if let Ok(suns) = &self.suns {
+            order.sort_by(|a, b| suns.rank(*a).total_cmp(&suns.rank(*b)));
+        }
+        order
     }
 
     fn followed(&self, chosen: &[u32], emulator: Option<&Emulator>, progress: &Progress) -> Result<Fates, InputError> {
@@ -298,7 +326,9 @@ impl<'a> Draws<'a> {
         let (fates, deviations) = found.into_iter().unzip();
         let names: Vec<String> = self.inputs.iter().map(|input| input.name.clone()).collect();
         let of_posterior = names.len()..names.len();
-        let mut found = Fates { fates, numbers: chosen.to_vec(), names, deviations, of_posterior, emulated: None };
+        let mut found =
+            Fates { fates, numbers: chosen.to_vec(), names, deviations, of_posterior, emulated: None, order: None };
+        found.order = strata::order(&found, &self.coordinates(&found));
         if let Some((sample, rows)) = &self.posterior {
             let of_draw = |index: &u32| sample.values(rows[*index as usize % rows.len()]);
             found.add_posterior(chosen.iter().map(of_draw).collect());
@@ -307,6 +337,17 @@ impl<'a> Draws<'a> {
             found.add_sun();
         }
         Ok(found)
+    }
+
+    /// Values in which draws are evenly spread: the rank of their Sun and, of all draws, Sobol's points.
+    fn coordinates(&self, found: &Fates) -> Vec<Vec<f64>> {
+        let ranks = |suns: &Suns| found.numbers.iter().map(|number| suns.rank(*number as usize)).collect();
+        let mut coordinates: Vec<Vec<f64>> = self.suns.iter().map(ranks).collect();
+        if found.numbers.len() == self.samples as usize {
+            let of = |input: usize| found.deviations.iter().map(|deviations| deviations[input]).collect();
+            coordinates.extend((0..self.inputs.len()).map(of));
+        }
+        coordinates
     }
 
     /// A draw, by its index.
@@ -350,8 +391,8 @@ impl<'a> Draws<'a> {
         };
         let change = |t_yr: &f64| {
             let device = draw.model.device_at(*t_yr)?;
-            let [delta_e1, delta_e2] =
-                emulator.at(&Place::of(&draw.model.mission, &device, &draw.others, emulator.general));
+            let place = Place::of(&draw.model.mission, &device, &draw.others, emulator.general);
+            let Some([delta_e1, delta_e2]) = emulator.at(&place) else { return Ok(None) };
             device.observed_change(ShapeChange { delta_e1, delta_e2, ..ShapeChange::default() }).map(Some)
         };
         times.iter().map(change).collect()
@@ -367,64 +408,73 @@ impl<'a> Draws<'a> {
     }
 
     fn emulator_that_is(&self, general: bool, progress: &Progress) -> Result<Option<(Emulator, Emulated)>, InputError> {
-        let looked_at = evenly(self.samples, MOST_TERMS);
-        let of = |(place, index): (usize, &u32)| Ok(self.place(place, *index, general)?.0);
-        let places: Vec<Place> = parallel::try_map(looked_at.iter().enumerate(), of)?;
+        let order = self.by_rank();
+        let places: Vec<Place> =
+            parallel::try_map(0..MOST_TERMS.min(order.len()), |number| Ok(self.place(&order, number, general)?.0))?;
         let terms = Emulator::coefficients(&places, general);
-        let readouts = (READOUTS_PER_TERM * terms as f64).ceil() as usize + HELD_BACK;
+        let first = (READOUTS_PER_TERM * terms as f64).ceil() as usize;
         // Reading out a few draws one by one is faster.
-        if terms > MOST_TERMS || 10 * self.samples as usize <= readouts {
+        if terms > MOST_TERMS || 10 * self.samples as usize <= first + HELD_BACK {
             return Ok(None);
         }
-        let numbers: Vec<u32> = (0..readouts as u32).map(|number| number % self.samples).collect();
-        (progress.stage)("readouts", numbers.len() as u64);
-        let example = |(place, index): (usize, &u32)| {
-            let example = self.example(place, *index, general);
-            (progress.advance)();
-            example
+        let examples = |numbers: Range<usize>| {
+            (progress.stage)("readouts", numbers.len() as u64);
+            parallel::try_map(numbers, |number| {
+                let example = self.example(&order, number, general);
+                (progress.advance)();
+                example
+            })
         };
-        let known: Option<Vec<Example>> = parallel::try_map(numbers.iter().enumerate(), example)?.into_iter().collect();
-        let Some(known) = known else { return Ok(None) };
-        // One in every few, so that both kinds are spread evenly over the draws.
-        let every = readouts / HELD_BACK;
-        let (mut fitted, mut held) = (Vec::new(), Vec::new());
-        for (place, one) in known.into_iter().enumerate() {
-            if place % every == 0 && held.len() < HELD_BACK { held.push(one) } else { fitted.push(one) }
+        // Every few numbers are spread evenly over ranks and times, so that those held back are, too.
+        let held = examples(0..HELD_BACK)?;
+        let counted = self.counted();
+        let (mut fitted, mut before): (Vec<Example>, f64) = (Vec::new(), f64::INFINITY);
+        loop {
+            let from = HELD_BACK + fitted.len();
+            fitted.extend(examples(from..from + first.max(fitted.len()))?);
+            let Some(emulator) = Emulator::fitted(&fitted, counted, general) else { return Ok(None) };
+            let relative_error = emulator.error(&held, counted);
+            let emulated = Emulated { readouts: fitted.len(), held_back: held.len(), relative_error };
+            if relative_error <= ACCEPTED {
+                return Ok(Some((emulator, emulated)));
+            }
+            if 2 * fitted.len() > MOST_READOUTS || relative_error > IMPROVED * before {
+                return Ok(None);
+            }
+            before = relative_error;
         }
-        let least = SMALL * self.model.mission.requirement.delta_e;
-        let Some(emulator) = Emulator::fitted(&fitted, least, general) else { return Ok(None) };
-        let relative_error = emulator.error(&held, least);
-        let emulated = Emulated { readouts: fitted.len(), held_back: held.len(), relative_error };
-        Ok((relative_error <= ACCEPTED).then_some((emulator, emulated)))
     }
 
-    /// Coordinates of a draw at some time of its mission (the end for every second one), with its model and device.
-    fn place(&self, place: usize, index: u32, general: bool) -> Result<(Place, Draw, Device), InputError> {
-        let draw = self.draw(index)?;
-        let share = if place.is_multiple_of(2) { 1.0 } else { (GOLDEN * place as f64).fract() };
+    /// Range of |Δe| whose relative errors count.
+    fn counted(&self) -> [f64; 2] {
+        let limits = self.model.mission.requirement.limits();
+        let [small, large] = COUNTED;
+        [small * limits[0].min(limits[1]), large * limits[0].max(limits[1])]
+    }
+
+    /// Coordinates of a draw at some time of its mission (the end for every second one), with its model and device. Numbers are
+    /// evenly spread over times, and over draws in an order: closer to each other towards the last ones, the most active Suns, as
+    /// limits are exceeded by few of the draws. Of the last p of all draws are √p of the numbers.
+    fn place(&self, order: &[usize], number: usize, general: bool) -> Result<(Place, Draw, Device), InputError> {
+        let [of_order, of_time] = SPREAD.map(|step| (step * (number as f64 + 0.5)).fract());
+        let rank = 1.0 - (1.0 - of_order).powi(2);
+        let draw = self.draw(order[(rank * order.len() as f64) as usize] as u32)?;
+        let share = if number.is_multiple_of(2) { 1.0 } else { of_time };
         let device = draw.model.device_at(share * self.model.mission.mission.duration_yr)?;
         Ok((Place::of(&draw.model.mission, &device, &draw.others, general), draw, device))
     }
 
-    /// The same with its change of shape, read out; None if no shape is left.
-    fn example(&self, place: usize, index: u32, general: bool) -> Result<Option<Example>, InputError> {
-        let (place, draw, device) = self.place(place, index, general)?;
+    /// The same with its change of shape, read out.
+    fn example(&self, order: &[usize], number: usize, general: bool) -> Result<Example, InputError> {
+        let (place, draw, device) = self.place(order, number, general)?;
         let change = draw.model.trailed(0, &device.fit_for(Purpose::Shape))?;
-        Ok(change.map(|change| (place, [change.delta_e1, change.delta_e2])))
+        Ok((place, change.map(|change| [change.delta_e1, change.delta_e2])))
     }
 }
 
-/// Coordinates with their change of shape: Δe1 and Δe2.
-type Example = (Place, [f64; 2]);
-
-/// Golden ratio: its multiples are evenly spread.
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
-
-/// `count` of all draws, evenly chosen.
-fn evenly(samples: u32, count: usize) -> Vec<u32> {
-    let count = count.min(samples as usize);
-    (0..count).map(|place| (place * samples as usize / count) as u32).collect()
-}
+/// Steps of points that are evenly spread over a square, for any number of them: powers of the plastic number 1/1.3247 (the Kronecker
+/// sequence R2 of M. Roberts, 2018).
+const SPREAD: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 
 /// Draws differ by factors: derived quantities are replaced by numbers first, unless the Sun is drawn in their place.
 fn as_numbers(base: &mut Mission, model: &Model, sun: bool) {

@@ -6,7 +6,7 @@
 //!
 //! with each galaxy's weight w, its responses R to shear and S to the PSF (see [`crate::model::shear`]), and the trailing of the
 //! stars of the PSF model, Δe*, averaged over the dithered exposures. Errors are those of the finite sample: of a ratio of two
-//! sums, by the jackknife to first order. If a survey rotates its detector, c and m are averaged over the orientations.
+//! sums, by the jackknife to first order, with draws evenly spread over distances. If a survey rotates its detector, c and m are averaged over the orientations.
 //!
 //! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used if only the
 //! number of traps changes. Otherwise galaxies are read out in each year and at each turn of the dose (at 16 times at most), with
@@ -25,7 +25,7 @@ use crate::numeric::parallel;
 use crate::plan::evaluate::{crossings_of, year_ends};
 use crate::plan::requirement::{Crossing, Point};
 pub use sample::Camera;
-use sample::Member;
+use sample::{Member, spread};
 
 /// Noise realisations for each galaxy of a population: their errors average out.
 const REALISATIONS: u32 = 8;
@@ -85,10 +85,15 @@ pub struct Estimated {
 
 impl Estimated {
     /// A value with the contribution of each draw to its error; no error for one draw.
+    ///
+    /// Draws are evenly spread over the distances from the readout, on which biases depend most. The variance is therefore half the
+    /// sum of squared differences between neighbours in distance, which for independent draws is that of their sum.
     pub(crate) fn of(value: f64, influence: &BTreeMap<usize, f64>) -> Estimated {
-        let squares: f64 = influence.values().map(|one| one * one).sum();
-        let n = influence.len() as f64;
-        Estimated { value, error: (n > 1.0).then(|| (n / (n - 1.0) * squares).sqrt()) }
+        let mut draws: Vec<(f64, f64)> = influence.iter().map(|(draw, one)| (spread(*draw), *one)).collect();
+        draws.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let squares: f64 = draws.windows(2).map(|pair| (pair[1].1 - pair[0].1).powi(2)).sum();
+        let n = draws.len() as f64;
+        Estimated { value, error: (n > 1.0).then(|| (0.5 * n / (n - 1.0) * squares).sqrt()) }
     }
 }
 

@@ -28,9 +28,9 @@ use super::tolerance::{Sensitivity, known, limit};
 use super::{Study, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::numeric::estimate::quantile;
+use crate::numeric::estimate::{quantile, share_error, share_error_in_order};
 use crate::numeric::parallel;
-use crate::plan::date_distribution::{Confidence, share_error};
+use crate::plan::date_distribution::Confidence;
 use crate::plan::draws::Draws;
 use crate::plan::judgement::Limited;
 use crate::warning::Warning;
@@ -57,6 +57,8 @@ pub struct Calibration {
     pub probability: f64,
     /// Draws of the Sun.
     pub samples: u32,
+    /// Seed of the draws; by default the mission's.
+    pub seed: Option<u64>,
 }
 
 impl Default for Calibration {
@@ -67,6 +69,7 @@ impl Default for Calibration {
             release_error: 0.01,
             probability: 0.9,
             samples: 400,
+            seed: None,
         }
     }
 }
@@ -133,7 +136,7 @@ impl Study for Calibration {
         self.check(mission)?;
         let model = ready(mission)?;
         let sensitivities = Sensitivity::all(&model, advance)?;
-        let histories = DensityHistories::of(mission, self.samples)?;
+        let histories = DensityHistories::of(mission, self.samples, self.seed.unwrap_or(mission.accuracy.seed))?;
         let mut intervals = Vec::new();
         for interval_months in &self.intervals_months {
             for continued in WAYS {
@@ -163,18 +166,30 @@ impl Study for Calibration {
 struct DensityHistories {
     /// Years since launch, ascending, and traps.
     of_draws: Vec<Vec<(f64, f64)>>,
+    /// Draws in the order of the Sun's rank, if it is drawn.
+    order: Option<Vec<usize>>,
     end_yr: f64,
     sun_not_drawn: Option<String>,
 }
 
 impl DensityHistories {
-    fn of(mission: &Mission, samples: u32) -> Result<DensityHistories, InputError> {
-        let draws = Draws::of(mission, None, samples, mission.accuracy.seed)?;
+    fn of(mission: &Mission, samples: u32, seed: u64) -> Result<DensityHistories, InputError> {
+        let draws = Draws::of(mission, None, samples, seed)?;
         Ok(DensityHistories {
             of_draws: draws.traps_over_expected()?,
+            order: draws.sun_not_drawn().is_none().then(|| draws.by_rank()),
             end_yr: mission.mission.duration_yr,
             sun_not_drawn: draws.sun_not_drawn().map(String::from),
         })
+    }
+
+    /// Standard error of the probability that all limits are met.
+    fn error_of_met(&self, worst: &[Worst]) -> f64 {
+        let met: Vec<bool> = worst.iter().map(|one| one.used <= 1.0).collect();
+        match &self.order {
+            Some(order) => share_error_in_order(&met, order),
+            None => share_error(met.iter().filter(|met| **met).count() as f64 / met.len() as f64, met.len() as f64),
+        }
     }
 }
 
@@ -223,7 +238,7 @@ impl Calibration {
             by: nearest.map(|one| one.by),
             beyond_percent: 100.0 * worst.iter().map(|one| one.beyond).sum::<f64>() / worst.len() as f64,
             met_percent: 100.0 * met,
-            met_error_percent: 100.0 * share_error(met, worst.len() as f64),
+            met_error_percent: 100.0 * histories.error_of_met(&worst),
         }
     }
 

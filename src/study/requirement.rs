@@ -9,12 +9,14 @@
 //!
 //! and with it the shield, whose dose is f times that of the mission's shield. Line times are searched at the end of the mission.
 
+use std::cell::Cell;
+
 use chrono::{Months, NaiveDate};
 use serde::Serialize;
 
 use super::{Study, budgets, ratios, ready, warnings};
 use crate::error::InputError;
-use crate::mission::Mission;
+use crate::mission::{MOST_DOSE_FACTOR, Mission};
 use crate::model::Model;
 use crate::numeric::parallel;
 use crate::numeric::root_finding;
@@ -25,8 +27,8 @@ use crate::plan::timeline::Timeline;
 use crate::study::launch::Launch;
 use crate::warning::Warning;
 
-/// Range of factors on the dose in which f is searched.
-const FACTORS: [f64; 2] = [1e-3, 1e3];
+/// Range of the mission's dose, as a multiple of it, in which f is searched; not above what `environment.dose_factor` accepts.
+const FACTORS: [f64; 2] = [1e-3, MOST_DOSE_FACTOR];
 
 /// Tolerance of the logarithm of a factor.
 const CLOSE: f64 = 1e-4;
@@ -60,6 +62,8 @@ pub struct Results {
     pub line_times: Vec<(f64, f64)>,
     /// The requested probability, and the draws from which it is estimated.
     pub confidence: Option<Confidence>,
+    /// Multiples of the mission's dose that were searched.
+    pub factors: [f64; 2],
     /// Launch dates tried, starting with the mission's own.
     pub launches: Vec<NaiveDate>,
     /// Warnings about the mission.
@@ -92,6 +96,8 @@ pub struct Limit {
     pub delta_e: f64,
     /// Factor on the dose, for the expected value, and with the requested probability.
     pub factor: [Bound; 2],
+    /// Standard error of that probability at the factor found, or at that nearest to it; None if it was not requested.
+    pub confident_error: Option<f64>,
     /// Factor on the thickness of the shield, likewise.
     pub shield: [Bound; 2],
     /// Largest number of transfers; None if not even one is allowed, or all are.
@@ -143,8 +149,8 @@ impl Study for Requirement {
         let clocks = self.clocks(&model, advance)?;
         let limit = |place: usize| -> Result<Limit, InputError> {
             let delta_e = budgets(mission)[place];
-            let expected = factor(FACTORS, CLOSE, |factor| excess(&with_dose(&model, factor), delta_e))?;
-            let confident = self.confident(mission, place, advance)?;
+            let expected = factor(factors(mission), CLOSE, |factor| excess(&with_dose(&model, factor), delta_e))?;
+            let (confident, confident_error) = self.confident(mission, place, advance)?;
             let behind = |factor: Bound| match (factor, &shield) {
                 (Bound::At(factor), Some(shield)) => shield.factor_for(factor).map_or(Bound::None, Bound::At),
                 _ => Bound::NotSought,
@@ -156,6 +162,7 @@ impl Study for Requirement {
                 delta_e,
                 shield: [expected, confident].map(behind),
                 factor: [expected, confident],
+                confident_error,
                 transfers: transfers(&model, delta_e)?,
                 line_times_ms: within(&model, &clocks, delta_e)?,
                 launches: launched.launches.iter().filter(|launch| kept(launch)).count(),
@@ -166,6 +173,7 @@ impl Study for Requirement {
             own: own(&model, shield.as_ref().map(|shield| shield.areal_g_cm2))?,
             line_times: clocks,
             confidence: self.confidence,
+            factors: factors(mission),
             launches: launched.launches.iter().map(|launch| launch.launch).collect(),
             warnings: warnings(mission),
         })
@@ -180,18 +188,29 @@ fn of_galaxy_alone(mission: &Mission) -> Mission {
 }
 
 impl Requirement {
-    /// Factor on the dose at which the budget is met with the requested probability.
-    fn confident(&self, mission: &Mission, place: usize, advance: &(dyn Fn() + Sync)) -> Result<Bound, InputError> {
-        let Some(asked) = self.confidence else { return Ok(Bound::NotSought) };
-        factor(FACTORS, CLOSE_OF_DRAWS, |factor| {
+    /// Factor on the dose at which the budget is met with the requested probability, and the standard error of that probability.
+    fn confident(
+        &self,
+        mission: &Mission,
+        place: usize,
+        advance: &(dyn Fn() + Sync),
+    ) -> Result<(Bound, Option<f64>), InputError> {
+        let Some(asked) = self.confidence else { return Ok((Bound::NotSought, None)) };
+        let nearest = Cell::new((f64::INFINITY, f64::NAN));
+        let bound = factor(factors(mission), CLOSE_OF_DRAWS, |factor| {
             advance();
             let mut scaled = mission.clone();
             scaled.environment.dose_factor *= factor;
             let found = asked.of(&scaled, None)?;
-            let exceeded = [found.uncorrected, found.corrected][place].probability_exceeded;
+            let dates = if place == 0 { found.uncorrected } else { found.corrected };
             // Offset by half a draw: no number of draws gives exactly the requested probability.
-            Ok(exceeded - (1.0 - asked.probability) + 0.5 / f64::from(asked.samples))
-        })
+            let excess = dates.probability_exceeded - (1.0 - asked.probability) + 0.5 / f64::from(asked.samples);
+            if excess.abs() < nearest.get().0 {
+                nearest.set((excess.abs(), dates.probability_error));
+            }
+            Ok(excess)
+        })?;
+        Ok((bound, Some(nearest.get().1)))
     }
 
     /// Line times (ms) with |Δe| at the end of the mission; infinite if no shape is left.
@@ -244,6 +263,12 @@ fn with_dose(model: &Model, factor: f64) -> Model {
     model.like(&mission)
 }
 
+/// Factors on the mission's dose that are searched.
+fn factors(mission: &Mission) -> [f64; 2] {
+    let [least, most] = FACTORS;
+    [least, (most / mission.environment.dose_factor.max(1.0)).max(1.0)]
+}
+
 /// The largest factor whose excess is not above 0; bracketed outwards from 1 by factors of 2, then refined.
 fn factor(
     [least, most]: [f64; 2],
@@ -251,15 +276,9 @@ fn factor(
     excess: impl Fn(f64) -> Result<f64, InputError>,
 ) -> Result<Bound, InputError> {
     let (mut inner, mut at_inner) = (1.0_f64, excess(1.0)?);
-    let outwards = if at_inner <= 0.0 { 2.0 } else { 0.5 };
-    loop {
-        let outer = inner * outwards;
-        if outer > most {
-            return Ok(Bound::All);
-        }
-        if outer < least {
-            return Ok(Bound::None);
-        }
+    let [outwards, end] = if at_inner <= 0.0 { [2.0, most] } else { [0.5, least] };
+    while inner != end {
+        let outer = (inner * outwards).clamp(least, most);
         let at_outer = excess(outer)?;
         if (at_outer <= 0.0) != (at_inner <= 0.0) {
             let ends = [(inner.ln(), at_inner), (outer.ln(), at_outer)];
@@ -268,6 +287,7 @@ fn factor(
         }
         (inner, at_inner) = (outer, at_outer);
     }
+    Ok(if at_inner <= 0.0 { Bound::All } else { Bound::None })
 }
 
 /// Maximum number of transfers within a limit on |Δe|, up to those of the largest detector.

@@ -127,3 +127,21 @@ fn the_longest_interval_parts_those_that_keep_the_limits_from_those_that_do_not(
         assert!(longer.first().is_none_or(|next| next.used_percent > 100.0), "{longest:?} {longer:?}");
     }
 }
+
+/// The seed of the draws is the mission's unless another is asked for.
+#[test]
+fn another_seed_draws_another_sun() {
+    let run = |words: &[&str]| {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_ctiplan"))
+            .args(["study", "calibration", "missions/snap_l2_trades.toml", "--samples", "50", "--interval-months", "6"])
+            .args(words)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8(out.stdout).unwrap()
+    };
+    let [own, other] = [run(&[]), run(&["--seed", "4711"])];
+    assert_eq!(own, run(&["--seed", "1"]));
+    assert_ne!(own, other);
+}

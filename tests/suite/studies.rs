@@ -644,6 +644,33 @@ fn an_error_budget_has_the_dates_of_the_evaluation() {
     let sun = found.shares.iter().find(|share| share.input == "solar-protons").expect("a Sun that is drawn");
     let row = rows(&study, "inputs").iter().find(|row| row["input"] == "solar-protons").expect("the Sun as an input");
     assert!((row["share_percent"].as_f64().unwrap() - 100.0 * sun.share).abs() < 1e-6, "{row:?} {sun:?}");
+    // And the design case has its date, to the hour.
+    let expected = ctiplan::evaluate(&mission).unwrap().verdict.uncorrected.t_yr.unwrap();
+    let nominal = result(&study, "nominal_exceeded_t_yr");
+    assert!((nominal - expected).abs() < 1e-4, "{nominal} {expected}");
+}
+
+/// Factors on the dose that a requirement allows are accepted as `environment.dose_factor`, on top of the mission's own.
+#[test]
+fn what_a_requirement_allows_is_accepted() {
+    use ctiplan::mission::MOST_DOSE_FACTOR;
+    use ctiplan::study::requirement::{Bound, Requirement};
+    for (own, limit) in [(1.0, 1e-4), (8.0, 1e-2)] {
+        let settings = [("environment.dose_factor", own.into()), ("requirement.delta_e", limit.into())];
+        let mission = mission(SNAP, &settings);
+        let found = Requirement::default().study(&mission, &|| {}).unwrap();
+        assert_eq!(found.factors[1] * own, MOST_DOSE_FACTOR);
+        for bound in found.limits.iter().map(|limit| limit.factor[0]) {
+            match bound {
+                Bound::At(factor) => {
+                    let settings = [("environment.dose_factor".to_string(), (own * factor).into())];
+                    let allowed = mission.with(&settings).unwrap();
+                    assert!(ctiplan::evaluate(&allowed).is_ok());
+                }
+                bound => assert_eq!(bound, Bound::All, "{own} {limit}"),
+            }
+        }
+    }
 }
 
 #[test]

@@ -22,6 +22,9 @@ pub(super) struct Calibration {
     /// Draws of the Sun
     #[arg(long, value_name = "N", default_value_t = default().samples, value_parser = whole(20_u32..=65_536))]
     samples: u32,
+    /// Seed of the draws [default: the mission's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
 }
 
 fn default() -> calibration::Calibration {
@@ -48,6 +51,7 @@ impl Options for Calibration {
             release_error: self.release_error,
             probability: self.probability,
             samples: self.samples,
+            seed: self.seed,
         })
     }
 }

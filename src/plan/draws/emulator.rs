@@ -61,6 +61,9 @@ impl Place {
     }
 }
 
+/// Coordinates with their change of shape: Δe1 and Δe2; None if no shape is left.
+pub type Example = (Place, Option<[f64; 2]>);
+
 /// A fitted function of places, with two values: Δe1 and Δe2.
 #[derive(Clone, Debug)]
 pub struct Emulator {
@@ -70,20 +73,31 @@ pub struct Emulator {
     median_per_px: f64,
     /// Whether it includes changes without traps, and time and dose.
     pub general: bool,
+    /// Traps per pixel from which no shape is left: the fewest with which none was; infinite if all were measured.
+    lost_per_px: f64,
     coefficients: [DVector<f64>; 2],
 }
 
 impl Emulator {
-    /// Fitted to the changes (Δe1, Δe2) at some places, with weights that level off for changes below `least`. None if there are
-    /// fewer places than coefficients.
-    pub fn fitted(known: &[(Place, [f64; 2])], least: f64, general: bool) -> Option<Emulator> {
-        let mut emulator = Emulator::unfitted(known.iter().map(|(place, _)| place).collect(), general);
+    /// Fitted to the changes at some places. Their relative errors count, but less for |Δe| outside the range `counted`. None if
+    /// there are fewer measured places than coefficients.
+    pub fn fitted(known: &[Example], counted: [f64; 2], general: bool) -> Option<Emulator> {
+        let lost = known.iter().filter(|(_, change)| change.is_none()).map(|(place, _)| place.total_per_px);
+        let lost_per_px = lost.fold(f64::INFINITY, f64::min);
+        let measured = known.iter().filter(|(place, _)| place.total_per_px < lost_per_px);
+        let known: Vec<(&Place, [f64; 2])> = measured.filter_map(|(place, change)| Some((place, (*change)?))).collect();
+        let mut emulator = Emulator::unfitted(known.iter().map(|(place, _)| *place).collect(), general);
+        emulator.lost_per_px = lost_per_px;
         let rows: Vec<Vec<f64>> = known.iter().map(|(place, _)| emulator.terms(place)).collect();
         let terms = rows.first()?.len();
         if rows.len() < terms {
             return None;
         }
-        let weight = |row: usize| 1.0 / (known[row].1[0].hypot(known[row].1[1]) + least);
+        let [least, most] = counted;
+        let weight = |row: usize| {
+            let magnitude = known[row].1[0].hypot(known[row].1[1]);
+            (most / magnitude.max(most)) / (magnitude + least)
+        };
         let design = DMatrix::from_fn(rows.len(), terms, |row, term| weight(row) * rows[row][term]);
         let span = Span::of(&design, 1e-7);
         let solved =
@@ -104,23 +118,30 @@ impl Emulator {
         let median_per_px = totals.get(totals.len() / 2).copied().filter(|median| *median > 0.0).unwrap_or(1.0);
         let scaled: Vec<Vec<f64>> = places.iter().map(|place| scaled(place, median_per_px)).collect();
         let coefficients = [DVector::zeros(0), DVector::zeros(0)];
-        Emulator { varying: varying(&scaled), median_per_px, general, coefficients }
+        Emulator { varying: varying(&scaled), median_per_px, general, lost_per_px: f64::INFINITY, coefficients }
     }
 
-    /// Δe1 and Δe2 at a place.
-    pub fn at(&self, place: &Place) -> [f64; 2] {
+    /// Δe1 and Δe2 at a place; None if no shape is left.
+    pub fn at(&self, place: &Place) -> Option<[f64; 2]> {
         let terms = self.terms(place);
-        [0, 1].map(|which| terms.iter().zip(self.coefficients[which].iter()).map(|(term, share)| term * share).sum())
+        let value =
+            |which: usize| terms.iter().zip(self.coefficients[which].iter()).map(|(term, share)| term * share).sum();
+        (place.total_per_px < self.lost_per_px).then(|| [0, 1].map(value))
     }
 
-    /// Relative error of |Δe| at known places, as root mean square; values smaller than `least` are replaced by it.
-    pub fn error(&self, known: &[(Place, [f64; 2])], least: f64) -> f64 {
-        let squared = |(place, expected): &(Place, [f64; 2])| {
-            let [e1, e2] = self.at(place);
-            let expected = expected[0].hypot(expected[1]);
-            ((e1.hypot(e2) - expected) / expected.max(least)).powi(2)
+    /// Relative error of |Δe| at known places, as root mean square over those in the range `counted`, but not over fewer than a
+    /// fifth of all. Values outside the range are replaced by its ends: errors there count if they reach into it.
+    pub fn error(&self, known: &[Example], counted: [f64; 2]) -> f64 {
+        let [least, most] = counted;
+        let magnitude = |change: Option<[f64; 2]>| change.map_or(most, |[e1, e2]| e1.hypot(e2).clamp(least, most));
+        let squared = |(place, expected): &Example| {
+            let expected = magnitude(*expected);
+            ((magnitude(self.at(place)) - expected) / expected).powi(2)
         };
-        (known.iter().map(squared).sum::<f64>() / known.len().max(1) as f64).sqrt()
+        let is_inside =
+            |example: &&Example| (least..most).contains(&magnitude(example.1)) && magnitude(example.1) > least;
+        let inside = known.iter().filter(is_inside).count().max(known.len() / 5).max(1);
+        (known.iter().map(squared).sum::<f64>() / inside as f64).sqrt()
     }
 
     fn terms(&self, place: &Place) -> Vec<f64> {
@@ -186,15 +207,21 @@ mod tests {
         let known = (0..61).map(|index| {
             let place = place(index);
             let value = law(&place.numbers, median);
-            (place, [value, -value])
+            (place, Some([value, -value]))
         });
-        let known: Vec<(Place, [f64; 2])> = known.collect();
-        let emulator = Emulator::fitted(&known, 1e-3, false).unwrap();
+        let mut known: Vec<Example> = known.collect();
+        let emulator = Emulator::fitted(&known, [1e-3, 1e3], false).unwrap();
         for index in 100..120 {
             let place = place(index);
-            let [e1, e2] = emulator.at(&place);
+            let [e1, e2] = emulator.at(&place).unwrap();
             assert!((e1 - law(&place.numbers, median)).abs() < 1e-10 && (e1 + e2).abs() < 1e-12);
         }
-        assert!(Emulator::fitted(&known[..5], 1e-3, false).is_none());
+        assert!(Emulator::fitted(&known[..5], [1e-3, 1e3], false).is_none());
+        // From the fewest traps that leave no shape on, there is none.
+        let most =
+            (0..known.len()).max_by(|a, b| known[*a].0.total_per_px.total_cmp(&known[*b].0.total_per_px)).unwrap();
+        known[most].1 = None;
+        let emulator = Emulator::fitted(&known, [1e-3, 1e3], false).unwrap();
+        assert!(emulator.at(&known[most].0).is_none() && emulator.at(&known[most - 1].0).is_some());
     }
 }

@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
+use crate::environment::esp;
 use crate::environment::shielding::{self, Geometry};
 use crate::environment::solar_cycle::{CYCLE_SCATTER_YR, Maximum};
-use crate::environment::{Niel, esp};
 use crate::mission::{DoseModel, Mission};
 use crate::model::Model;
 use crate::numeric::parallel;
 use crate::physics::SourceDose;
 use crate::physics::source_dose::cosmic_ray_dose_mev_g;
 use crate::plan::dose;
+use crate::plan::draws::damage_curve;
 
 /// Varies a mission by a deviation of an input.
 type Apply = dyn Fn(&mut Mission, f64) + Send + Sync;
@@ -75,8 +76,8 @@ pub struct Derived {
     pub shield: Option<Shield>,
     /// Dependence of the dose of cosmic rays on their modulation; None if they are not a source.
     pub modulation: Option<CosmicRayModulation>,
-    /// Exponent of a factor on the damage curve in the number of traps; None if the dose does not depend on the curve.
-    pub niel_power: Option<f64>,
+    /// Dependence of the number of traps on the damage curve's deviation in σ; None if the dose does not depend on the curve.
+    pub niel: Option<f64>,
 }
 
 impl Derived {
@@ -85,43 +86,14 @@ impl Derived {
         Derived {
             shield: Shield::of(mission),
             modulation: CosmicRayModulation::of(mission),
-            niel_power: niel_power(mission),
+            niel: damage_curve::sensitivity(mission),
         }
     }
 }
 
-/// Exponent with which a factor on the damage curve enters D/D_ref. It is 1 where densities are quoted at a dose. Where they are
-/// quoted at a fluence, both doses use the same curve, and what is common to both cancels. The rest follows from the two published
-/// curves, whose ratios are r for the mission's dose and r_ref at the energy of the reference:
-///
-/// ```text
-/// power = ln(r/r_ref)/ln r
-/// ```
-fn niel_power(mission: &Mission) -> Option<f64> {
-    let environment = &mission.environment;
-    let given = environment.active_dose_rate_mev_g_yr.is_some()
-        || environment.model == DoseModel::History
-        || environment.dose_depth.is_some();
-    if given {
-        return None;
-    }
-    let mut other = mission.clone();
-    other.environment.niel = match environment.niel {
-        Niel::Sr => Niel::Rd50,
-        Niel::Rd50 => Niel::Sr,
-    };
-    let log = |mission: &Mission| {
-        let dose_mev_g = Model::new(mission).dose_mev_g(mission.mission.duration_yr).ok()?;
-        Some((dose_mev_g.ln(), mission.reference_dose_mev_g().ln()))
-    };
-    let ((own, own_reference), (dose, reference)) = (log(mission)?, log(&other)?);
-    let power = 1.0 - (reference - own_reference) / (dose - own);
-    power.is_finite().then_some(power)
-}
-
 /// The inputs of a mission, without those known exactly.
 pub fn inputs(mission: &Mission, derived: Derived) -> Vec<Input> {
-    let Derived { shield, modulation, niel_power } = derived;
+    let Derived { shield, modulation, niel } = derived;
     let known = &mission.uncertainty;
     let mut inputs = vec![input("dose model", DOSE_KEYS, known.dose_model, |mission, factor| {
         mission.environment.dose_factor *= factor;
@@ -161,9 +133,9 @@ pub fn inputs(mission: &Mission, derived: Derived) -> Vec<Input> {
         mission.galaxies[0].half_light_px *= factor
     }));
     // At the end, so that the order of the others is unchanged.
-    if let Some(power) = niel_power {
+    if let Some(sensitivity) = niel {
         inputs.push(input("NIEL", DOSE_KEYS, known.niel, move |mission, factor| {
-            mission.environment.dose_factor *= factor.powf(power);
+            mission.environment.dose_factor *= factor.powf(sensitivity);
         }));
     }
     if let Some(modulation) = modulation {

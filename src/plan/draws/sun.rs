@@ -39,6 +39,14 @@ impl Suns {
         Ok(Suns { doses, factor })
     }
 
+    /// Probability of a smaller sum of events in as many active years: evenly spread over all realisations.
+    ///
+    /// # Panics
+    /// If there are not that many.
+    pub fn rank(&self, index: usize) -> f64 {
+        self.doses.events.rank(index)
+    }
+
     /// A realisation: years since launch, ascending from 0, and dose of solar protons since launch (MeV/g, before the mission's
     /// factor on all doses).
     ///

@@ -54,13 +54,15 @@ fn chosen(index: usize, evaluated: usize, rows: usize) -> usize {
     (2 * index + 1) * rows / (2 * evaluated)
 }
 
-/// Position on the detector of the galaxy `index`, 0 to 1: evenly spread, without order (by the golden ratio).
+/// Position on the detector of the galaxy `index`, 0 to 1: evenly spread, without order.
 fn distance(index: usize, galaxies: usize) -> f64 {
+    if galaxies == 1 { 0.5 } else { spread(index) }
+}
+
+/// Multiples of the golden ratio, which are evenly spread from 0 to 1 for any number of draws.
+pub(super) fn spread(draw: usize) -> f64 {
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    match galaxies {
-        1 => 0.5,
-        _ => ((index as f64 + 0.5) * golden).fract(),
-    }
+    ((draw as f64 + 0.5) * golden).fract()
 }
 
 /// Galaxy properties that a table does not contain.

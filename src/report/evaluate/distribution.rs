@@ -23,12 +23,13 @@ pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) 
     let what =
         if mission.requirement.limits_a_galaxy() { "Date of |delta e| as a distribution" } else { "Distribution" };
     out.heading(format!("{what}: {} of {}", counted(found.samples as u64, "draw"), drawn(found)));
-    let mut legend = "";
+    let mut legend = String::new();
     if mission.requirement.limits_a_galaxy() {
         out.table(dates_of(found, mission));
+        legend.push_str("dates are without noise; ");
         let never = |limit: &Dates| limit.quantiles.iter().any(|quantile| quantile.t_yr.is_none());
         if never(&found.uncorrected) || never(&found.corrected) {
-            legend = "-: later than the mission; ";
+            legend.insert_str(0, "-: later than the mission; ");
         }
     }
     out.words(format!("  {legend}{}", conditions(found, mission)), 4);
@@ -42,6 +43,7 @@ fn dates_of(found: &DateDistribution, mission: &Mission) -> Table {
     let corrected = format!("corrected, factor {}", mission.requirement.correction_factor);
     let mut dates = table(&["", "uncorrected", &corrected]);
     let limits = [&found.uncorrected, &found.corrected];
+    let noisy = limits.iter().all(|limit| limit.probability_exceeded_with_noise.is_some());
     let mut row = |name: String, cell: &dyn Fn(&Dates) -> String| {
         dates.add_row([name].into_iter().chain(limits.map(cell)));
     };
@@ -49,6 +51,12 @@ fn dates_of(found: &DateDistribution, mission: &Mission) -> Table {
         let met = Estimate { value: 1.0 - limit.probability_exceeded, error: limit.probability_error };
         plus_minus(met.times(100.0))
     });
+    if noisy {
+        row("the same with noise [%]".into(), &|limit| {
+            let value = limit.probability_met_with_noise().unwrap_or(f64::NAN);
+            plus_minus(Estimate { value, error: limit.probability_error }.times(100.0))
+        });
+    }
     for (place, p) in QUANTILES.iter().enumerate() {
         row(format!("exceeded in {:.0} % of draws by", 100.0 * p), &|limit| date(&limit.quantiles[place]));
     }
@@ -95,6 +103,14 @@ fn conditions(found: &DateDistribution, mission: &Mission) -> String {
         let percent = plain(100.0 * environment.confidence);
         said.push(format!(
             "solar proton events are drawn behind the aluminium thickness that gives the stated rate at {percent} %"
+        ));
+    }
+    if let Some(part) = &found.part_of_a_year {
+        let [uncorrected, corrected] = part.probability_exceeded.map(|exceeded| 100.0 * (1.0 - exceeded));
+        said.push(format!(
+            "ESP counts one active year at least, more than the mission's {:.2}: of a mission of {:.2} yr with one, {uncorrected:.1} % \
+             meet the uncorrected budget by the same date and {corrected:.1} % the corrected one",
+            part.active_years, part.followed_yr
         ));
     }
     said.push(match &found.emulated {

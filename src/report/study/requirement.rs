@@ -45,11 +45,12 @@ impl Shown for Results {
         if let Some(required) = self.confidence {
             let Confidence { probability, samples } = required;
             report.result("confidence", probability);
+            let error = self.limits.iter().filter_map(|limit| limit.confident_error).fold(0.0, f64::max);
             report.find(format!(
                 "With {samples} draws of the Sun and [uncertainty], a probability of {:.0} % has a standard error of {:.1} %. What is \
                  allowed with it is known to a few per cent only, because solar doses have a long tail.",
                 100.0 * probability,
-                100.0 * required.error()
+                100.0 * error
             ));
         }
         if self.limits.iter().any(open) {
@@ -149,8 +150,10 @@ fn sentence(results: &Results, name: &str, limit: &Limit) -> String {
     let factor = match limit.factor[0] {
         Bound::At(factor) if factor >= 1.0 => format!("allows {} times the mission's dose", short(factor)),
         Bound::At(factor) => format!("allows {} of the mission's dose", short(factor)),
-        Bound::All => "is kept at any dose that was tried, up to 1000 times the mission's".into(),
-        Bound::None => "is not kept by a thousandth of the mission's dose".into(),
+        Bound::All => {
+            format!("is kept at any dose that was tried, up to {} times the mission's", short(results.factors[1]))
+        }
+        Bound::None => format!("is not kept by {} of the mission's dose", short(results.factors[0])),
         Bound::NotSought => "was not solved for".into(),
     };
     let confident = match (limit.factor[1], results.confidence.map(|required| required.probability)) {

@@ -11,7 +11,6 @@ use serde::Serialize;
 use super::{Calibration, Continued, DensityHistories, LEAST_MONTHS, MONTHS, Sensitivity};
 use crate::numeric::estimate::quantile;
 use crate::numeric::root_finding;
-use crate::plan::date_distribution::share_error;
 use crate::plan::judgement::Limited;
 
 /// Relative tolerance of the solution for the interval.
@@ -72,11 +71,11 @@ impl Calibration {
         let (outcome, months) = solve(self.probability);
         // The probability has an error from the finite number of draws: the limits are also solved with a higher and a lower one.
         let drawn = histories.sun_not_drawn.is_none();
-        let error = share_error(self.probability, histories.of_draws.len() as f64);
+        let shown = months.unwrap_or(LEAST_MONTHS);
+        let error = histories.error_of_met(&self.over_draws(sensitivities, histories, shown, continued));
         let ends = || [1.0, -1.0].map(|sign| solve((self.probability + sign * error).clamp(0.0, 1.0)));
         let error_months =
             months.filter(|_| drawn && outcome == Outcome::Solved).and_then(|months| half(ends(), months));
-        let shown = months.unwrap_or(LEAST_MONTHS);
         Longest {
             continued,
             outcome,

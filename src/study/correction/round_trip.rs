@@ -113,7 +113,7 @@ impl<'a> RoundTrip<'a> {
         let rms = |places: &[usize]| {
             vec![(places.iter().map(|place| squares[*place]).sum::<f64>() / places.len() as f64).sqrt()]
         };
-        let (value, error) = with_errors(squares.len(), seed, rms)[0];
+        let (value, error) = with_errors(squares.len(), None, seed, rms)[0];
         Ok(error.map(|error| Estimate { value, error }))
     }
 

@@ -1,9 +1,8 @@
 //! Statistics of draws: percentiles of dates, and shares of a variance.
 
 use super::PERCENTILES;
-use crate::numeric::estimate::{quantile, with_errors};
-use crate::plan::date_distribution::share_error;
-use crate::plan::draws::Fates;
+use crate::numeric::estimate::{quantile, share_error, share_error_in_order, with_errors};
+use crate::plan::draws::{Fate, Fates};
 use crate::study::Estimate;
 
 /// Statistics of the draws, each number with its standard error.
@@ -28,6 +27,7 @@ impl Statistics {
     /// From draws of a mission of this duration in years.
     pub fn of(found: &Fates, duration_yr: f64, seed: u64) -> Statistics {
         let (fates, inputs) = (&found.fates, found.names.len());
+        let order = found.order.as_deref();
         // For each limit its percentiles and the share within, then σ, then the shares and the rest.
         let statistics = |places: &[usize]| {
             let mut values = Vec::new();
@@ -44,14 +44,19 @@ impl Statistics {
             values.extend(logs.shares().unwrap_or(vec![f64::NAN; inputs + 1]));
             values
         };
-        let mut values = with_errors(fates.len(), seed, statistics).into_iter();
+        let mut values = with_errors(fates.len(), order, seed, statistics).into_iter();
         let mut next = || values.next().expect("as many as there are statistics");
         let estimate = |(value, error): (f64, Option<f64>)| Estimate { value, error: error.unwrap_or(0.0) };
-        let limits = [0, 1].map(|_| Crossings {
+        let within_error = |limit: usize, share: f64| {
+            let within = |fate: &Fate| fate.exceeded_yr[limit].is_some_and(|t_yr| t_yr <= duration_yr);
+            let holds: Vec<bool> = fates.iter().map(within).collect();
+            order.map_or(share_error(share, fates.len() as f64), |order| share_error_in_order(&holds, order))
+        };
+        let limits = [0, 1].map(|limit| Crossings {
             percentiles: PERCENTILES.map(|_| next()).into_iter().map(|one| one.0.is_finite().then_some(one)).collect(),
             within: {
                 let share = next().0;
-                Estimate { value: share, error: share_error(share, fates.len() as f64) }
+                Estimate { value: share, error: within_error(limit, share) }
             },
         });
         let sigma_ln = Some(estimate(next())).filter(|sigma| sigma.value.is_finite());
