@@ -344,7 +344,7 @@ fn niel_has_a_share_of_its_own() {
 }
 
 /// Thicknesses (mm) from hardly a shield to more than any.
-const SHIELDS_MM: [f64; 8] = [0.01, 0.3, 3.0, 13.6, 45.0, 70.0, 110.0, 300.0];
+const SHIELDS_MM: [f64; 8] = [0.02, 0.3, 3.0, 13.6, 45.0, 70.0, 110.0, 300.0];
 
 /// A mission behind a shield, with traps that are so many fewer that its galaxies have a shape behind the thinnest.
 fn behind(geometry: &str, thickness_mm: f64, fluence_cm2: f64, more: &str) -> Mission {
