@@ -71,7 +71,7 @@ const HELD_BACK: usize = 50;
 
 /// |Δe| below this share of the smallest limit is replaced by it in relative errors, and |Δe| above this multiple of the largest
 /// limit by that: errors there shift no date.
-const COUNTED: [f64; 2] = [0.1, 2.0];
+pub const COUNTED: [f64; 2] = [0.1, 2.0];
 
 /// Draws of a mission.
 pub struct Draws<'a> {
