@@ -6,7 +6,8 @@
 //!
 //! with each galaxy's weight w, its responses R to shear and S to the PSF (see [`crate::model::shear`]), and the trailing of the
 //! stars of the PSF model, Δe*, averaged over the dithered exposures. Errors are those of the finite sample: of a ratio of two
-//! sums, by the jackknife to first order, with draws evenly spread over distances. If a survey rotates its detector, c and m are averaged over the orientations.
+//! sums, by the jackknife to first order, with draws in the order of their distances if they are evenly spread over these. If a survey
+//! rotates its detector, c and m are averaged over the orientations.
 //!
 //! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used if only the
 //! number of traps changes. Otherwise galaxies are read out in each year and at each turn of the dose (at 16 times at most), with
@@ -62,16 +63,16 @@ pub struct ShearBias {
     pub m: [Estimated; 2],
 }
 
-/// Biases at the end of a mission, and the contribution of each draw of galaxies to their errors: jackknife values, to first order,
-/// by the index of the draw. Errors of differences and ratios of biases that are means over the same galaxies follow from these.
+/// Biases at the end of a mission, and the contribution of each draw of galaxies to their errors. Errors of differences and ratios of
+/// biases that are means over the same galaxies follow from these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EndBias {
     /// The biases.
     pub bias: ShearBias,
     /// Contributions to the error of c, components 1 and 2.
-    pub influence_c: [BTreeMap<usize, f64>; 2],
+    pub influence_c: [Influence; 2],
     /// Contributions to the error of m.
-    pub influence_m: [BTreeMap<usize, f64>; 2],
+    pub influence_m: [Influence; 2],
 }
 
 /// A value and its standard error from the finite sample; None for one galaxy.
@@ -83,17 +84,42 @@ pub struct Estimated {
     pub error: Option<f64>,
 }
 
-impl Estimated {
-    /// A value with the contribution of each draw to its error; no error for one draw.
+/// Contributions of draws of galaxies to the error of a mean over them: jackknife values, to first order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Influence {
+    /// By the index of the draw.
+    of_draws: BTreeMap<usize, f64>,
+    /// Whether draws are evenly spread over the distances from the readout.
+    evenly_spread: bool,
+}
+
+impl Influence {
+    /// Adds a multiple of another one, of the same galaxies.
+    pub(crate) fn add(&mut self, weight: f64, other: &Influence) {
+        self.evenly_spread |= other.evenly_spread;
+        for (draw, influence) in &other.of_draws {
+            *self.of_draws.entry(*draw).or_default() += weight * influence;
+        }
+    }
+
+    /// Standard error of the mean; None for less than two draws.
     ///
-    /// Draws are evenly spread over the distances from the readout, on which biases depend most. The variance is therefore half the
-    /// sum of squared differences between neighbours in distance, which for independent draws is that of their sum.
-    pub(crate) fn of(value: f64, influence: &BTreeMap<usize, f64>) -> Estimated {
-        let mut draws: Vec<(f64, f64)> = influence.iter().map(|(draw, one)| (spread(*draw), *one)).collect();
+    /// Biases depend most on the distance from the readout. If draws are evenly spread over it, the variance is half the sum of
+    /// squared differences between neighbours in distance, which for independent draws is that of their sum.
+    pub(crate) fn error(&self) -> Option<f64> {
+        let n = self.of_draws.len() as f64;
+        let squares = if self.evenly_spread { self.squares_in_order() } else { self.squares() };
+        (n > 1.0).then(|| (n / (n - 1.0) * squares).sqrt())
+    }
+
+    fn squares(&self) -> f64 {
+        self.of_draws.values().map(|one| one * one).sum()
+    }
+
+    fn squares_in_order(&self) -> f64 {
+        let mut draws: Vec<(f64, f64)> = self.of_draws.iter().map(|(draw, one)| (spread(*draw), *one)).collect();
         draws.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let squares: f64 = draws.windows(2).map(|pair| (pair[1].1 - pair[0].1).powi(2)).sum();
-        let n = draws.len() as f64;
-        Estimated { value, error: (n > 1.0).then(|| (0.5 * n / (n - 1.0) * squares).sqrt()) }
+        0.5 * draws.windows(2).map(|pair| (pair[1].1 - pair[0].1).powi(2)).sum::<f64>()
     }
 }
 
@@ -198,7 +224,8 @@ impl PopulationBias {
         if galaxies.is_empty() {
             return Err(unmeasurable(&model.mission));
         }
-        let biases = Biases { model, times, galaxies, rotations: Rotations::of(&population.orientations_deg) };
+        let rotations = Rotations::of(&population.orientations_deg);
+        let biases = Biases { model, times, galaxies, rotations, evenly_spread: sample.evenly_spread };
         let years = year_ends(model.mission.mission.duration_yr).into_iter();
         let years = years.map(|t_yr| Ok((t_yr, biases.at(t_yr)?))).collect::<Result<Vec<_>, InputError>>()?;
         let requirement = &model.mission.requirement;
@@ -340,6 +367,8 @@ struct Biases<'a> {
     times: ReadoutTimes,
     galaxies: Vec<Weighted>,
     rotations: Rotations,
+    /// Whether draws are evenly spread over the distances from the readout.
+    evenly_spread: bool,
 }
 
 impl Biases<'_> {
@@ -368,22 +397,22 @@ impl Biases<'_> {
         let c = ratio(self.galaxies.iter().zip(&trailed).map(net).collect(), Rotations::additive);
         let m = ratio(trailed.iter().map(|trailed| trailed.response).collect(), Rotations::response);
         let ([c1, c2], [m1, m2]) = (c, m);
-        let estimated = |one: &(f64, BTreeMap<usize, f64>)| Estimated::of(one.0, &one.1);
+        let estimated = |(value, influence): &(f64, Influence)| Estimated { value: *value, error: influence.error() };
         let bias = ShearBias { c: [estimated(&c1), estimated(&c2)], m: [estimated(&m1), estimated(&m2)] };
         EndBias { bias, influence_c: [c1.1, c2.1], influence_m: [m1.1, m2.1] }
     }
 
     /// Σ w x / Σ w R, and the contribution of each draw to its error.
-    fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> (f64, BTreeMap<usize, f64>) {
+    fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> (f64, Influence) {
         let response = |galaxy: &Weighted| galaxy.weight * self.response(galaxy)[member];
         let total: f64 = self.galaxies.iter().map(response).sum();
         let value =
             self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
-        let mut left: BTreeMap<usize, f64> = BTreeMap::new();
+        let mut of_draws: BTreeMap<usize, f64> = BTreeMap::new();
         for (index, galaxy) in self.galaxies.iter().enumerate() {
-            *left.entry(galaxy.draw).or_default() += (galaxy.weight * x(index) - value * response(galaxy)) / total;
+            *of_draws.entry(galaxy.draw).or_default() += (galaxy.weight * x(index) - value * response(galaxy)) / total;
         }
-        (value, left)
+        (value, Influence { of_draws, evenly_spread: self.evenly_spread })
     }
 
     fn mean_response(&self) -> [f64; 2] {

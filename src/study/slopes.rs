@@ -7,13 +7,11 @@
 //! To first order in the trailing, a correction with assumed parameters leaves the difference between the effects of the true and
 //! the assumed ones: Σ ∂q/∂ln pᵢ (Δpᵢ/pᵢ).
 
-use std::collections::BTreeMap;
-
 use crate::error::InputError;
 use crate::model::Model;
 use crate::numeric::parallel;
 use crate::plan::judgement::Limited;
-use crate::plan::population::{EndBias, Estimated, PopulationBias};
+use crate::plan::population::{EndBias, Estimated, Influence, PopulationBias};
 
 /// Relative step of a parameter in a central difference: second-order terms cancel.
 const STEP: f64 = 0.05;
@@ -22,13 +20,13 @@ const STEP: f64 = 0.05;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quantity {
     pub value: f64,
-    influence: BTreeMap<usize, f64>,
+    influence: Influence,
 }
 
 impl Quantity {
     /// A quantity that is not a mean over galaxies.
     pub fn exact(value: f64) -> Quantity {
-        Quantity { value, influence: BTreeMap::new() }
+        Quantity { value, influence: Influence::default() }
     }
 
     /// Σ wᵢ qᵢ.
@@ -36,16 +34,14 @@ impl Quantity {
         let mut sum = Quantity::default();
         for (weight, term) in terms {
             sum.value += weight * term.value;
-            for (draw, influence) in &term.influence {
-                *sum.influence.entry(*draw).or_default() += weight * influence;
-            }
+            sum.influence.add(weight, &term.influence);
         }
         sum
     }
 
     /// Standard error from the finite sample of galaxies; None if it is not a mean over several.
     pub fn error(&self) -> Option<f64> {
-        Estimated::of(self.value, &self.influence).error
+        self.influence.error()
     }
 }
 
@@ -57,7 +53,7 @@ pub(super) struct Limitable {
 }
 
 /// Components 1 and 2 of a bias, and the contributions of each draw of galaxies to their errors.
-type Members<'a> = (&'a [Estimated; 2], &'a [BTreeMap<usize, f64>; 2]);
+type Members<'a> = (&'a [Estimated; 2], &'a [Influence; 2]);
 
 /// A parameter of the detector: its key in the mission, and a deviation in the key's unit.
 pub(super) type Parameter = (String, f64);

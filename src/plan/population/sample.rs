@@ -14,6 +14,8 @@ pub(super) struct SurveySample {
     pub galaxies: Vec<Member>,
     /// Number of available galaxies.
     pub available: usize,
+    /// Whether draws are evenly spread over the distances from the readout.
+    pub evenly_spread: bool,
 }
 
 /// A galaxy of a sample.
@@ -37,7 +39,8 @@ pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> Surve
     let table = &mission.imported.galaxies;
     if table.is_empty() {
         let galaxies = (0..most).map(|index| drawn(mission, population, seed, index)).collect();
-        return SurveySample { galaxies, available: most };
+        let evenly_spread = population.transfers.unwrap_or(Distances::Uniform) == Distances::Uniform;
+        return SurveySample { galaxies, available: most, evenly_spread };
     }
     let weighty: Vec<&PopulationGalaxy> = table.iter().filter(|galaxy| galaxy.weight > 0.0).collect();
     let judged = Completed::of(mission, population);
@@ -46,7 +49,9 @@ pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> Surve
         let galaxy = weighty[chosen(index, evaluated, weighty.len())];
         Member { galaxy: judged.with(galaxy, distance(index, evaluated)), weight: galaxy.weight, draw: index }
     };
-    SurveySample { galaxies: (0..evaluated).map(galaxy).collect(), available: weighty.len() }
+    let evenly_spread =
+        judged.distances == Distances::Uniform && weighty.iter().all(|galaxy| galaxy.transfers.is_none());
+    SurveySample { galaxies: (0..evaluated).map(galaxy).collect(), available: weighty.len(), evenly_spread }
 }
 
 /// Row of a table for the galaxy `index` of those evaluated: every row if all are evaluated, otherwise evenly spread ones.
