@@ -124,14 +124,14 @@ impl Realisation {
 }
 
 impl Quantile {
-    /// From doses, the same sorted, and their order by the rank of the Sun. With the error Δp of the fraction of doses below the
-    /// quantile, its own error is half the distance between the quantiles at p ± Δp.
+    /// From doses, the same sorted, and their order by the rank of the Sun. The error is that of the fraction of doses below the
+    /// quantile, by the slope of the quantiles: between p ± √(p(1 − p)/n), where many of the n doses are.
     fn of(drawn: &[f64], sorted: &[f64], order: &[usize], p: f64) -> Quantile {
         let dose_mev_g = quantile(sorted, p);
         let below: Vec<bool> = drawn.iter().map(|dose| *dose < dose_mev_g).collect();
-        let spread = share_error_in_order(&below, order);
-        let (low, high) = (quantile(sorted, p - spread), quantile(sorted, p + spread));
-        Quantile { p, dose_mev_g, error: 0.5 * (high - low), esp_mev_g: None }
+        let spread = (p * (1.0 - p) / sorted.len() as f64).sqrt();
+        let slope = 0.5 * (quantile(sorted, p + spread) - quantile(sorted, p - spread)) / spread;
+        Quantile { p, dose_mev_g, error: slope * share_error_in_order(&below, order), esp_mev_g: None }
     }
 }
 
