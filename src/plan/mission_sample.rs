@@ -190,7 +190,11 @@ fn in_units_of_mission(table: &Table, column: &Column, mission: &Mission) -> Res
         InputError { help: help.or(known), ..table.fault(None, name, problem) }
     })?;
     let unit = lookup::find(&path).map_or("", |key| key.unit);
-    let conversion = table.conversion(&column.name, &[unit])?;
+    // What is stated per pixel is what is in one.
+    let in_a_pixel = unit.strip_suffix("per pixel").map(str::trim_end);
+    let over_a_pixel = in_a_pixel.map(|whole| format!("{}/px", if whole.is_empty() { "1" } else { whole }));
+    let ours: Vec<&str> = [Some(unit), in_a_pixel, over_a_pixel.as_deref()].into_iter().flatten().collect();
+    let conversion = table.conversion(&column.name, &ours)?;
     let cell = |(row, cell): (usize, &Cell)| match cell.number().filter(|number| number.is_finite()) {
         Some(number) => Ok(Cell::Number(conversion.apply(number))),
         None => Err(table.fault(Some(row), name, "a number is needed here")),
