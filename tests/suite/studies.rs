@@ -318,7 +318,7 @@ fn launch_dates_are_compared_under_the_sun_of_their_years_and_every_output_says_
             serde_json::from_str(&run(mission, &[more, &["--json"]].concat())).unwrap()
         };
         let (page, plots) = (folder.path().join("page.html"), folder.path().join("plots"));
-        let drawn = ["--html", page.to_str().unwrap(), "--plots", plots.to_str().unwrap()];
+        let drawn = ["--html", page.to_str().unwrap(), "--plots", plots.to_str().unwrap(), "--overwrite"];
         let figure = |name: &str| fs::read_to_string(plots.join(format!("{name}.svg"))).unwrap();
         let name = command[command.len() - 1];
         // An average, and no effect: the cycle stands in, and every output says so.

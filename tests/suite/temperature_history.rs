@@ -63,11 +63,14 @@ fn dates_and_degrees_celsius_are_converted() {
 #[test]
 fn rows_without_a_temperature_have_that_of_their_time() {
     let mission = with_history("t_yr,temperature_k\n1.0,150\n").unwrap();
-    let text = "# observable: trail\n# signal_e: 800\n# trail_px: 1\nt_yr,dose_mev_g,temperature_k,value,sigma\n\
-                0.5,,,0.01,0.001\n2.0,,,0.01,0.001\n2.0,,141,0.01,0.001\n2.0,1e7,,0.01,0.001\n";
-    let data = DataSet::of(Table::parse("rows.csv", text).unwrap(), &mission).unwrap();
-    let found: Vec<f64> = data.rows.iter().map(|row| row.at.temperature_k).collect();
-    assert_eq!(found, [133.0, 150.0, 141.0, 133.0]);
+    let temperatures_k = |rows: &str| -> Vec<f64> {
+        let text = format!("# observable: trail\n# signal_e: 800\n# trail_px: 1\n{rows}");
+        let data = DataSet::of(Table::parse("rows.csv", &text).unwrap(), &mission).unwrap();
+        data.rows.iter().map(|row| row.at.temperature_k).collect()
+    };
+    let of_mission = "t_yr,dose_mev_g,value,sigma\n0.5,,0.01,0.001\n2.0,,0.01,0.001\n2.0,1e7,0.01,0.001\n";
+    assert_eq!(temperatures_k(of_mission), [133.0, 150.0, 133.0]);
+    assert_eq!(temperatures_k("t_yr,temperature_k,value,sigma\n2.0,141,0.01,0.001\n"), [141.0]);
 }
 
 #[test]

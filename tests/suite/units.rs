@@ -248,7 +248,9 @@ fn amplifiers_have_units_too() {
     let path = folder.path().join("amplifiers.csv");
     let read = |name: &str, cell: f64| {
         fs::write(&path, format!("hdu,corner,{name}\n1,lower-left,{cell}\n")).unwrap();
-        AmplifierTable::read(&path).map(|table| format!("{table:?}"))
+        // The columns of the file keep their units.
+        let rows = |table| format!("{table:?}").split_once("rows: [Row").expect("rows").1.to_string();
+        AmplifierTable::read(&path).map(rows)
     };
     let same = [
         ("read_noise_e", "electron", 5.0, 5.0),
