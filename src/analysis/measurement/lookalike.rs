@@ -27,7 +27,7 @@ pub(super) fn looks_like(column: &str, names: &[&str]) -> bool {
             found == name || (name.len() >= LEAST_LETTERS && strsim::damerau_levenshtein(found, name) == 1)
         })
     };
-    names.iter().any(|name| like(name))
+    names.iter().any(like)
 }
 
 /// The words of a name in lower case: separated by anything but letters and digits, or by a capital behind a small letter (not in
