@@ -45,7 +45,7 @@ impl Cell {
     /// A point in time, UTC: text in ISO 8601, of any offset from UTC, or one of astropy's time formats and scales, named by `time`.
     ///
     /// # Errors
-    /// If it is not a point in time, or not one within [`YEARS`].
+    /// If it is not a point in time, or not one of the years 1900 to 2200.
     pub fn moment(&self, time: Option<&Time>) -> Result<NaiveDateTime, NotADate> {
         let (format, scale) = time.map_or(("", "utc"), |time| (time.format.as_str(), time.scale.as_str()));
         let found = match (self, format) {
