@@ -3,6 +3,7 @@
 pub mod diagnose;
 pub mod fit;
 pub mod independence;
+pub mod likelihood;
 pub mod measurement;
 pub mod validate;
 pub mod whitening;

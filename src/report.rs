@@ -15,6 +15,7 @@ mod page;
 mod parts;
 pub mod plot;
 mod ranked;
+mod ranking;
 pub mod study;
 mod sweep;
 mod validate;

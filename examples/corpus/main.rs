@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
+use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose, ranking};
 use ctiplan::analysis::measurement::{DataSet, questions};
 use ctiplan::analysis::whitening::{Shared, Whitening};
 use ctiplan::error::InputError;
@@ -49,6 +49,9 @@ struct Arguments {
     /// Only one of this many cases
     #[arg(long, default_value_t = 1)]
     every: usize,
+    /// Rank sets of effects by their evidence instead of diagnosing
+    #[arg(long)]
+    evidence: bool,
     /// Seed of that noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -67,6 +70,7 @@ fn main() -> Result<(), InputError> {
         .collect();
     cases.sort();
     let mut counts = Counts::default();
+    let mut ranked: BTreeMap<(String, &str), usize> = BTreeMap::new();
     for case in cases.into_iter().step_by(arguments.every.max(1)) {
         let truth: Value = serde_json::from_str(&fs::read_to_string(case.join("truth.json")).unwrap()).unwrap();
         let (mission, mut data) = read(&case, &truth)?;
@@ -78,6 +82,20 @@ fn main() -> Result<(), InputError> {
         }
         let start = Instant::now();
         let options = Options { free: mission.fit.free.clone(), stability: arguments.stability, ..Options::default() };
+        if arguments.evidence {
+            let found = ranking(&mission, &data, &options, &Progress { stage: &|_, _| (), advance: &|| () })?;
+            let seconds = start.elapsed().as_secs_f64();
+            let answer = judge::ranked(&truth, &found);
+            println!(
+                "{answer:12} {:38} {seconds:5.1} s {:6}  {:?} rivals {:?}",
+                name(&case),
+                found.evaluations,
+                found.named,
+                found.rivals
+            );
+            *ranked.entry((truth["group"].as_str().unwrap_or("all").to_string(), answer)).or_insert(0_usize) += 1;
+            continue;
+        }
         let stage = |name: &str, _| eprintln!("{:6.1} {name}", start.elapsed().as_secs_f64());
         let found = diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })?;
         let seconds = start.elapsed().as_secs_f64();
@@ -87,7 +105,12 @@ fn main() -> Result<(), InputError> {
         }
         counts.add(&truth, &found, seconds);
     }
-    counts.print();
+    for ((group, answer), count) in &ranked {
+        println!("{group}: {count} {answer}");
+    }
+    if ranked.is_empty() {
+        counts.print();
+    }
     Ok(())
 }
 

@@ -7,7 +7,7 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::{Adjust, Measured, NewMission};
 use super::number_argument::{number, whole};
-use super::{Failure, Outcome, Output, print_and_suggest, progress};
+use super::{Failure, Outcome, Output, print, print_and_suggest, progress};
 use crate::analysis::diagnose::{self, Verdict, diagnose};
 use crate::cli::file_argument::{InputFile, RevisedMission};
 use crate::error::InputError;
@@ -40,6 +40,9 @@ pub(super) struct Diagnose {
     /// Do not repeat the search with larger errors, another seed, other starts and other free keys
     #[arg(long)]
     no_stability: bool,
+    /// Rank sets of effects by their evidence instead, with the errors of the data that are likeliest for each
+    #[arg(long, conflicts_with_all = ["write", "no_stability", "can", "html", "plots"])]
+    evidence: bool,
     /// Write the mission with the fitted values and the added effects; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
     write: Option<RevisedMission>,
@@ -69,7 +72,15 @@ impl Diagnose {
             bar.set_length(steps);
             bar.set_message(name.to_string());
         };
-        let found = diagnose(&mission, &data, &options, &diagnose::Progress { stage: &stage, advance: &|| bar.inc(1) });
+        let advance = || bar.inc(1);
+        let progress = diagnose::Progress { stage: &stage, advance: &advance };
+        if self.evidence {
+            let ranking = diagnose::ranking(&mission, &data, &options, &progress);
+            bar.finish_and_clear();
+            print(&ranking?, &self.output)?;
+            return Ok(Outcome::Done);
+        }
+        let found = diagnose(&mission, &data, &options, &progress);
         bar.finish_and_clear();
         let found = found?;
         self.drawn.write(&found, &[mission])?;

@@ -18,6 +18,7 @@ mod dates;
 mod diagnose;
 mod effects_golden;
 mod environment;
+mod evidence;
 mod fit;
 mod fit_errors;
 mod flight;

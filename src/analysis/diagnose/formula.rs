@@ -33,9 +33,12 @@ pub(super) enum Argument {
     Condition(String, f64),
     /// On whether a condition is above a limit.
     Above(String, f64),
+    /// On a wave in time: its cosine and sine, of a period in years.
+    Wave(f64),
 }
 
 /// A formula for the values of one observable or of all.
+#[derive(Clone)]
 pub(super) struct Formula {
     /// The values of one observable; None for all of them.
     of: Option<Observable>,
@@ -50,6 +53,8 @@ impl Formula {
     pub fn expression(&self) -> String {
         let term = |(name, power): (&&str, &i32)| match (&self.argument, power) {
             (Argument::Above(condition, limit), _) => format!("if {condition} > {limit} {{ {name} }} else {{ 0 }}"),
+            (Argument::Wave(period_yr), 0) => format!("{name} * cos(2 * PI * t_yr / {})", plain(*period_yr)),
+            (Argument::Wave(period_yr), _) => format!("{name} * sin(2 * PI * t_yr / {})", plain(*period_yr)),
             (Argument::Constant, _) | (_, 0) => name.to_string(),
             (Argument::Value, power) => format!("{name} * value{}", raised(*power)),
             (Argument::Condition(condition, origin), power) => {
@@ -95,6 +100,10 @@ impl Formula {
                 (Argument::Above(condition, limit), true) => {
                     arguments.extend(set.against(condition).iter().map(|at| Some(f64::from(at > limit))));
                 }
+                (Argument::Wave(period_yr), true) => {
+                    let turns = set.against("t_yr").into_iter();
+                    arguments.extend(turns.map(|t_yr| Some(2.0 * std::f64::consts::PI * t_yr / period_yr)))
+                }
                 (Argument::Constant, true) => arguments.extend(here.iter().map(|_| Some(1.0))),
                 (_, false) => arguments.extend(here.iter().map(|_| None)),
             }
@@ -103,7 +112,12 @@ impl Formula {
             let one = |(argument, value): (&Option<f64>, &f64)| {
                 let size = if self.multiplied { *value } else { 1.0 };
                 // Rows without the condition are left as they are.
-                argument.filter(|argument| argument.is_finite()).map_or(0.0, |argument| size * argument.powi(*power))
+                let term = |argument: f64| match (&self.argument, power) {
+                    (Argument::Wave(_), 0) => argument.cos(),
+                    (Argument::Wave(_), _) => argument.sin(),
+                    (_, power) => argument.powi(*power),
+                };
+                argument.filter(|argument| argument.is_finite()).map_or(0.0, |argument| size * term(argument))
             };
             arguments.iter().zip(values).map(one).collect()
         };
@@ -182,6 +196,41 @@ pub(super) fn laws(data: &[DataSet]) -> Vec<Formula> {
                 }
             }
         }
+    }
+    all
+}
+
+/// Waves in time that multiply values, or are added to them.
+pub(super) fn waves(data: &[DataSet]) -> Vec<Formula> {
+    let mut all = Vec::new();
+    for (of, multiplied) in targets(data.iter()) {
+        let concerned: Vec<&DataSet> = data.iter().filter(|set| of.is_none_or(|of| of == set.observable)).collect();
+        let times = conditions(&concerned).into_iter().find(|(condition, _)| condition == "t_yr");
+        let periods_yr = times.map_or_else(Vec::new, |(_, epochs_yr)| periods_yr(&epochs_yr));
+        let wave = |period_yr| Formula { of, multiplied, argument: Argument::Wave(period_yr), powers: &[0, 1] };
+        all.extend(periods_yr.into_iter().map(wave));
+    }
+    all
+}
+
+/// Epochs that a wave needs, and the ratio of two periods that are tried: a phase error of a tenth of a turn over six turns.
+const EPOCHS_OF_A_WAVE: usize = 8;
+const PERIODS: f64 = 1.15;
+
+/// Periods of waves that epochs (ascending, years) can show: from twice their usual interval to their span; a year among them.
+fn periods_yr(epochs_yr: &[f64]) -> Vec<f64> {
+    let (Some(first), Some(last)) = (epochs_yr.first(), epochs_yr.last()) else { return Vec::new() };
+    let span_yr = last - first;
+    if epochs_yr.len() < EPOCHS_OF_A_WAVE || span_yr <= 0.0 {
+        return Vec::new();
+    }
+    let shortest_yr = 2.0 * span_yr / (epochs_yr.len() - 1) as f64;
+    let count = ((span_yr / shortest_yr).ln() / PERIODS.ln()).floor() as i32;
+    let mut all: Vec<f64> = (0..=count).map(|step| span_yr / PERIODS.powi(step)).collect();
+    let rounded = |period_yr: f64| format!("{period_yr:.3e}").parse().expect("a number");
+    all = all.into_iter().map(rounded).collect();
+    if (shortest_yr..span_yr).contains(&1.0) && !all.contains(&1.0) {
+        all.push(1.0);
     }
     all
 }

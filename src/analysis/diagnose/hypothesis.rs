@@ -168,6 +168,11 @@ impl Hypothesis {
         numbers(key, table).into_iter().filter(fitted).map(|number| number.key).collect()
     }
 
+    /// Number of parameters of a table that are fitted.
+    pub(super) fn parameters(&self, table: &Table, reach: &Reach) -> usize {
+        self.free("", table, reach).len()
+    }
+
     /// The parameters that are not fitted, and their assumed values.
     pub fn assumed(&self, key: &str, table: &Table, reach: &Reach) -> Vec<(String, f64)> {
         let held = |number: &Number| number.value.is_integer() || self.is_held(number.name, reach);
@@ -183,7 +188,7 @@ impl Hypothesis {
     }
 
     /// The forms it could take, as tables whose signatures add.
-    fn ways(&self, mission: &Mission, reach: &Reach) -> Vec<Vec<Table>> {
+    pub(super) fn ways(&self, mission: &Mission, reach: &Reach) -> Vec<Vec<Table>> {
         let Some(own) = &self.own else {
             return effect::find(self.kind).map_or_else(Vec::new, |entry| (entry.trials)(mission, reach));
         };
@@ -313,7 +318,7 @@ fn scaled(table: &Table, nothing: &Table, factor: f64) -> (Table, Vec<String>) {
 }
 
 /// For every key the larger of two numbers.
-fn larger(a: &Table, b: &Table) -> Table {
+pub(super) fn larger(a: &Table, b: &Table) -> Table {
     let mut larger = a.clone();
     for (key, value) in b {
         let known = a.get(key).and_then(Value::as_float).unwrap_or(f64::NEG_INFINITY);

@@ -95,6 +95,11 @@ impl Parameter {
         Parameter { start, low, high, is_event_epoch: false, scale: Scale::Between, ..self.clone() }
     }
 
+    /// The same with another starting value.
+    pub(crate) fn starting_at(&self, value: f64) -> Parameter {
+        Parameter { start: value, ..self.clone() }
+    }
+
     /// Size of a typical change.
     fn size(&self) -> f64 {
         match (self.start - self.low).abs() {
