@@ -38,7 +38,11 @@ impl Report for Ranking {
         if let Some(law) = &self.law {
             let beside =
                 if law.beside.is_empty() { String::new() } else { format!(" beside {}", effects_listed(&law.beside)) };
-            let says = if law.is_clearly_better { "clearly better than every set" } else { "no clear difference" };
+            let says = match law.excess {
+                _ if law.is_clearly_better => "clearly better",
+                excess if excess < 0.0 => "better, but not clearly: a law imitates almost any effect",
+                _ => "the set is better",
+            };
             let law = format!(
                 "Best law of the measured values: {}{beside}; -2 ln Z {:+.1} from the best set: {says}",
                 law.expression, law.excess

@@ -151,7 +151,7 @@ pub(super) fn number(table: &Table, path: &str) -> Option<f64> {
         return table.get(path).and_then(|value| value.as_float().or(value.as_integer().map(|value| value as f64)));
     };
     let (member, name) = rest.rsplit_once('.')?;
-    let members = table.get(array)?.as_array()?.iter().filter_map(Value::as_table);
-    let found = members.filter(|table| table.get("name").and_then(Value::as_str) == Some(member)).next();
+    let mut members = table.get(array)?.as_array()?.iter().filter_map(Value::as_table);
+    let found = members.find(|table| table.get("name").and_then(Value::as_str) == Some(member));
     found.and_then(|table| number(table, name))
 }

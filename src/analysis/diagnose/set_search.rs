@@ -20,6 +20,7 @@ use super::prior::{Prior, number};
 use crate::analysis::fit;
 use crate::analysis::fit::parameter::Parameter;
 use crate::analysis::likelihood::{Errors, minus_2_ln_l};
+use crate::analysis::measurement::DataSet;
 use crate::effect;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -646,17 +647,17 @@ impl SetSearch<'_> {
             let formulas = formulas.iter().map(|law| (Law::Formula(law.clone()), law.columns(data(), &line.model)));
             let groups = groups_of_rows(self.fitter.case.data).into_iter();
             let groups = groups.flat_map(|(name, members)| {
-                let of = |(_, rows): &(String, Vec<usize>)| {
+                let of = |(_, rows): &Group| {
                     let mut column = vec![0.0; line.model.len()];
                     rows.iter().for_each(|&row| column[row] = line.model[row]);
                     column
                 };
-                let added = |(_, rows): &(String, Vec<usize>)| {
+                let added = |(_, rows): &Group| {
                     let mut column = vec![0.0; line.model.len()];
                     rows.iter().for_each(|&row| column[row] = 1.0);
                     column
                 };
-                let one = |group: &(String, Vec<usize>)| {
+                let one = |group: &Group| {
                     let law = |multiplied| Law::Group { column: name.clone(), value: group.0.clone(), multiplied };
                     [(law(true), vec![of(group)]), (law(false), vec![added(group)])]
                 };
@@ -757,8 +758,11 @@ impl Law {
 const GROUPS: usize = 12;
 const VALUES: usize = 40;
 
+/// A word or value of a column, and the rows that have it.
+type Group = (String, Vec<usize>);
+
 /// Rows with the same word or value in a column, by the name of the column; two groups or more.
-fn groups_of_rows(data: &[crate::analysis::measurement::DataSet]) -> Vec<(String, Vec<(String, Vec<usize>)>)> {
+fn groups_of_rows(data: &[DataSet]) -> Vec<(String, Vec<Group>)> {
     let mut names: Vec<&String> = data.iter().flat_map(|set| &set.varying).collect();
     names.sort();
     names.dedup();

@@ -13,12 +13,14 @@ pub(crate) struct Whitener {
 
 struct OfFile {
     first: usize,
-    /// Factor of each row, and of its neighbour before it.
-    rows: Vec<(f64, Option<(usize, f64)>)>,
+    rows: Vec<Factors>,
     /// Orthonormal directions of the common errors, and by how much each is shortened.
     directions: DMatrix<f64>,
     shortened: Vec<f64>,
 }
+
+/// Factor of a row, and its neighbour before it with the neighbour's factor.
+type Factors = (f64, Option<(usize, f64)>);
 
 /// Share of the largest eigenvalue below which a direction of common errors changes nothing.
 const FLAT: f64 = 1e-12;
@@ -73,7 +75,7 @@ impl OfFile {
 
     fn apply(&self, values: &[f64], white: &mut Vec<f64>) {
         let here = &values[self.first..self.first + self.rows.len()];
-        let one = |(row, (own, before)): (usize, &(f64, Option<(usize, f64)>))| {
+        let one = |(row, (own, before)): (usize, &Factors)| {
             own * here[row] + before.map_or(0.0, |(before, factor)| factor * here[before])
         };
         let mut all = DVector::from_vec(self.rows.iter().enumerate().map(one).collect());
