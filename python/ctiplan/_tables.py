@@ -140,7 +140,8 @@ def _difference(value: Any) -> Any:
         return _Quantity(value.total_seconds() / 86400, "d")
     values = getattr(value, "values", value)
     if isinstance(values, (np.ndarray, np.generic)) and values.dtype.kind == "m":
-        return _Quantity(values / np.timedelta64(1, "D"), "d")
+        difference: Any = values
+        return _Quantity(difference / np.timedelta64(1, "D"), "d")
     return value
 
 
