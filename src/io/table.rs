@@ -11,7 +11,7 @@
 //! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may follow a name
 //! in brackets, and datatypes are inferred from the cells. Where semicolons or tabs delimit, a comma may be the decimal point.
 //!
-//! A number is converted from the unit in the header by `Table::conversion`, whatever the table is of, and a point in time by
+//! A number is converted from the unit in the header by `Table::conversion`, for every kind of table, and a point in time by
 //! [`Cell::moment`].
 
 mod arrow_schema;

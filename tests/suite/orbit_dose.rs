@@ -386,7 +386,7 @@ fn imports_are_not_extrapolated_in_silence() {
     fs::write(folder.path().join("narrow.csv"), "energy_mev,integral_cm2\n10,1e10\n30,1e9\n60,1e8\n").unwrap();
     assert!(warned(&read("spectra = [\"narrow.csv\"]", 10.0), "ends at 60 MeV"));
     assert!(!warned(&read("spectra = [\"narrow.csv\"]", 1.0), "ends at 60 MeV"));
-    // Its last energy is that at which there are still protons, whatever the curve between two energies.
+    // Its last energy is that at which there are still protons, for any curve between two energies.
     for zeros in ["", "20,0\n", "20,0\n100,0\n"] {
         let text = format!("energy_mev,differential_cm2_mev\n1,1e10\n2,2e9\n10,1e7\n{zeros}");
         fs::write(folder.path().join("few.csv"), text).unwrap();

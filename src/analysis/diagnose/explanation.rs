@@ -21,18 +21,19 @@ use crate::model::Model;
 use crate::model::predict::predict;
 use crate::numeric::parallel;
 
-/// Decrease of −2 ln L, as predicted, that ends a fit; and of a first, rough one.
+/// Decrease of −2 ln L, as predicted, that ends a fit; and of a first, rough one: both are far below the 6.6 that decide.
 const SETTLED: f64 = 0.01;
 const ROUGHLY: f64 = 0.3;
 
-/// Steps of a fit, and of a rough one.
+/// Steps of a fit at most, and of a rough one, which only chooses between starts.
 const STEPS: usize = 40;
 const FEW_STEPS: usize = 6;
 
 /// Share of the predicted decrease below which derivatives are computed anew.
 const POOR: f64 = 0.5;
 
-/// Damping of the first step after a failure, its factor, and its limit.
+/// Damping of the first step after a failure, its factor, and its limit, at which a step changes nothing to single precision (Levenberg
+/// 1944, Quart. Appl. Math. 2, 164; the speed of a fit depends on them, its minimum does not).
 const DAMPED: f64 = 1e-2;
 const MORE_DAMPED: f64 = 8.0;
 const MOST_DAMPED: f64 = 1e7;

@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 use crate::analysis::fit::parameter::Parameter;
 
-/// Standard deviations of logarithms.
+/// Standard deviations of logarithms: factors of 4, 7, 1.6 and 12, as above. A width twice as large costs 1.4.
 const DENSITY_LN: f64 = 1.5;
 const TIME_LN: f64 = 2.0;
 const POWER_LN: f64 = 0.5;

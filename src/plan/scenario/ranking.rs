@@ -182,7 +182,7 @@ mod tests {
         assert_eq!((ranking.best, ranking.by), (vec![1], Some(Criterion::End)));
     }
 
-    /// Every best and worst is an extreme of what is printed, and all equals of it are named, whatever the dates.
+    /// Every best and worst is an extreme of what is printed, and all equals of it are named, for any dates.
     #[test]
     fn each_criterion_alone_has_its_own_best_and_worst() {
         let ranking = Ranking::of(&[
