@@ -5,5 +5,6 @@ pub mod fit;
 pub mod independence;
 pub mod likelihood;
 pub mod measurement;
+pub mod noise;
 pub mod validate;
 pub mod whitening;

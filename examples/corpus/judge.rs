@@ -1,6 +1,6 @@
 //! Whether a diagnosis agrees with the truth.
 
-use ctiplan::analysis::diagnose::{Diagnosis, Ranking, Verdict};
+use ctiplan::analysis::diagnose::{Diagnosis, Verdict};
 use serde_json::Value;
 
 /// Names in a list, sorted.
@@ -73,24 +73,4 @@ pub fn pulls(truth: &Value, found: &Diagnosis) -> (usize, usize) {
         }
     }
     (near, all)
-}
-
-/// What a ranking says of a case, in a word: true, true with rivals, among the rivals, or false; of what is outside the catalogue, whether
-/// a law is clearly better.
-pub fn ranked(truth: &Value, found: &Ranking) -> &'static str {
-    let is_accepted = |effects: &[String]| {
-        let mut effects = effects.to_vec();
-        effects.sort();
-        truth["accept"].as_array().unwrap().iter().any(|accept| names(accept) == effects)
-    };
-    let law_is_better = found.law.as_ref().is_some_and(|law| law.is_clearly_better);
-    if truth["verdict"] == "unexplained" || law_is_better {
-        return if (truth["verdict"] == "unexplained") == law_is_better { "true" } else { "false" };
-    }
-    match (is_accepted(&found.named), found.rivals.is_empty()) {
-        (true, true) => "true",
-        (true, false) => "with rivals",
-        (false, _) if found.rivals.iter().any(|rival| is_accepted(rival)) => "among rivals",
-        (false, _) => "false",
-    }
 }

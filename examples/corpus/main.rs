@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose, ranking};
+use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
 use ctiplan::analysis::measurement::{DataSet, questions};
 use ctiplan::analysis::whitening::{Shared, Whitening};
 use ctiplan::error::InputError;
@@ -49,9 +49,6 @@ struct Arguments {
     /// Only one of this many cases
     #[arg(long, default_value_t = 1)]
     every: usize,
-    /// Rank sets of effects by their evidence instead of diagnosing
-    #[arg(long)]
-    evidence: bool,
     /// Seed of that noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -70,7 +67,6 @@ fn main() -> Result<(), InputError> {
         .collect();
     cases.sort();
     let mut counts = Counts::default();
-    let mut ranked: BTreeMap<(String, &str), usize> = BTreeMap::new();
     for case in cases.into_iter().step_by(arguments.every.max(1)) {
         let truth: Value = serde_json::from_str(&fs::read_to_string(case.join("truth.json")).unwrap()).unwrap();
         let (mission, mut data) = read(&case, &truth)?;
@@ -82,20 +78,6 @@ fn main() -> Result<(), InputError> {
         }
         let start = Instant::now();
         let options = Options { free: mission.fit.free.clone(), stability: arguments.stability, ..Options::default() };
-        if arguments.evidence {
-            let found = ranking(&mission, &data, &options, &Progress { stage: &|_, _| (), advance: &|| () })?;
-            let seconds = start.elapsed().as_secs_f64();
-            let answer = judge::ranked(&truth, &found);
-            println!(
-                "{answer:12} {:38} {seconds:5.1} s {:6}  {:?} rivals {:?}",
-                name(&case),
-                found.evaluations,
-                found.named,
-                found.rivals
-            );
-            *ranked.entry((truth["group"].as_str().unwrap_or("all").to_string(), answer)).or_insert(0_usize) += 1;
-            continue;
-        }
         let stage = |name: &str, _| eprintln!("{:6.1} {name}", start.elapsed().as_secs_f64());
         let found = diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })?;
         let seconds = start.elapsed().as_secs_f64();
@@ -105,12 +87,7 @@ fn main() -> Result<(), InputError> {
         }
         counts.add(&truth, &found, seconds);
     }
-    for ((group, answer), count) in &ranked {
-        println!("{group}: {count} {answer}");
-    }
-    if ranked.is_empty() {
-        counts.print();
-    }
+    counts.print();
     Ok(())
 }
 
@@ -186,8 +163,10 @@ fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
         let wrong = noise.wrong.len();
         format!("{:.2} r{:.2} p{pedestal:.1} w{wrong}", noise.scale, noise.correlation)
     });
+    let law = found.ranking.as_ref().and_then(|ranking| ranking.law.as_ref());
+    let law = law.map_or(String::new(), |law| format!("{:+.1}", law.excess));
     println!(
-        "{} {name:38} {:11} {seconds:5.1} s {:6}  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} noise {:?} unstable {unstable:?} {} {}",
+        "{} {name:38} {:11} {seconds:5.1} s {:6}  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} noise {:?} law {law} unstable {unstable:?} {} {}",
         if judge::is_right(truth, found) { "  ok " } else { "WRONG" },
         found.verdict.name(),
         found.evaluations[0],

@@ -75,7 +75,7 @@ impl Independence {
     pub fn of(data: &[DataSet], values: &[f64], jacobian: &DMatrix<f64>) -> Independence {
         let rows = data.iter().flat_map(|set| &set.rows);
         let off: Vec<f64> = rows.zip(values).map(|(row, model)| (row.value - model) / row.sigma).collect();
-        let residuals = DVector::from_vec(Whitening::of(data, |_| true).levelled(&off));
+        let residuals = DVector::from_vec(Whitening::of(data, |_| true).linear(&off));
         let span = Span::of(jacobian, DEPENDENT);
         let mut found: Vec<(Neighbours, Order)> = Vec::new();
         let mut first = 0;

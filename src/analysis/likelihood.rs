@@ -89,6 +89,11 @@ impl Likelihood {
         self.files[file].pedestal_prior()
     }
 
+    /// −2 ln of the prior probability of a file's errors over that of errors as quoted.
+    pub fn improbability(&self, file: usize, errors: &Errors) -> f64 {
+        self.files[file].improbability(errors)
+    }
+
     /// The transformation that makes errors independent and equal to 1.
     pub(crate) fn whitener(&self, errors: &[Errors]) -> Whitener {
         Whitener::of(self.files.iter().zip(errors))

@@ -258,11 +258,6 @@ impl DataSet {
         Ok(DataSet { warning: set.lookalikes(mission), ..set })
     }
 
-    /// The same without a pedestal.
-    pub(crate) fn without_pedestal(&self) -> DataSet {
-        DataSet { shared: Shared { pedestal: false, ..self.shared.clone() }, ..self.clone() }
-    }
-
     /// Whether conditions of rows have errors.
     pub fn has_condition_errors(&self) -> bool {
         self.rows.iter().any(|row| !row.condition_sigmas.is_empty())

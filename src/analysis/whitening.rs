@@ -4,17 +4,14 @@
 //! (`sigma_common`): residuals in units of their own errors s have the covariance 1 + u uᵀ, with u = c/s, whose inverse square root
 //! multiplies the part along u by 1/√(1 + |u|²). If errors of neighbouring pixels of a trail are correlated by
 //! r (r^d at a distance of d), each but the first is replaced by the part not predicted by the previous one, (e_k − r^d
-//! e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process. A constant pedestal of a file is allowed for
-//! by replacing its mean residual z (in units of its own error) by z/√(1 + z²/C): nearly unchanged up to a few sigma, at most √C
-//! beyond. All of this is smooth, so that a fit can follow it.
+//! e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process.
+//! The constant that a file may carry is an error that all its rows have in common.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector};
-
+use crate::analysis::likelihood::series;
 use crate::analysis::measurement::DataSet;
-use crate::numeric::least_squares::Span;
 
 /// Common errors of a data set's rows; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,10 +20,8 @@ pub struct Shared {
     pub correlation: f64,
     /// Its error.
     pub correlation_sigma: f64,
-    /// The neighbours that it refers to.
-    pub neighbours: Neighbours,
-    /// Whether the file may carry a constant pedestal.
-    pub pedestal: bool,
+    /// Standard deviation of the constant that the file carries, in the unit of the values; 0 if it carries none.
+    pub pedestal_sigma: f64,
     /// Wrong rows, by their indices in the data set: they have no neighbours.
     pub wrong: Vec<usize>,
     /// Rows confirmed by a model that explains the data, by their indices in the data set.
@@ -35,33 +30,13 @@ pub struct Shared {
     pub freedom: Option<f64>,
 }
 
-/// Rows of a trail whose errors have the given correlation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Neighbours {
-    /// Adjacent pixels: for a distance of d pixels its power d.
-    #[default]
-    Pixels,
-    /// Adjacent rows of the file in the trail, at any distance.
-    Rows,
-}
-
-/// The maximum contribution of a pedestal to chi2, C. It is less than the gain required of an effect, or one would be claimed in
-/// place of a pedestal. It is more than the margin of a rival, or a pedestal would admit rivals that also need one.
-pub(crate) const PEDESTAL: f64 = 12.0;
-
 /// The largest correlation of neighbours that is allowed for.
 pub(crate) const LARGEST_CORRELATION: f64 = 0.95;
-
-/// Norm of a column orthogonal to the others, below which it is linearly dependent.
-const FLAT: f64 = 1e-5;
-
-/// Minimum number of rows in a file for a pedestal: with few values, it may absorb a whole effect.
-const FEW: usize = 4;
 
 /// The preceding row in the same trail, and the distance in pixels.
 pub(crate) type Link = Option<(usize, i32)>;
 
-/// Makes errors of rows independent, and allows for pedestals.
+/// Makes errors of rows independent.
 pub struct Whitening {
     /// For each row its error over the part that it does not have in common with others.
     over_own: Vec<f64>,
@@ -69,20 +44,11 @@ pub struct Whitening {
     groups: Vec<Group>,
     /// For each row the previous row, and its correlation with it.
     before: Vec<Option<(usize, f64)>>,
-    pedestals: Vec<Pedestal>,
 }
 
 /// Rows with a known error in common, each with its component of the unit vector u/|u|; and |u|.
 struct Group {
     along: Vec<(usize, f64)>,
-    length: f64,
-}
-
-/// The direction of a file's constant, and its length for one unit of the value.
-struct Pedestal {
-    set: usize,
-    rows: Range<usize>,
-    along: DVector<f64>,
     length: f64,
 }
 
@@ -99,7 +65,7 @@ impl Whitening {
             if shared.correlation == 0.0 {
                 before.resize(start + rows.len(), None);
             } else {
-                let links = trails(set, |row| wanted(first + row) && !shared.wrong.contains(&row));
+                let links = series::neighbours(set, |row| wanted(first + row) && !shared.wrong.contains(&row));
                 let place = |row: usize| start + rows.binary_search(&row).expect("a row that is wanted");
                 before.extend(rows.iter().map(|&row| {
                     let (neighbour, apart) = links[row]?;
@@ -109,22 +75,21 @@ impl Whitening {
             ends.push((rows, start..before.len()));
             first += set.rows.len();
         }
-        let mut whitening = Whitening { over_own, groups: Vec::new(), before, pedestals: Vec::new() };
+        let mut whitening = Whitening { over_own, groups: Vec::new(), before };
         let of_set =
             |(set, (rows, range)): (&DataSet, &(Vec<usize>, Range<usize>))| whitening.groups_of(set, rows, range.start);
         whitening.groups = data.iter().zip(&ends).flat_map(of_set).collect();
-        let pedestals =
-            data.iter().zip(ends).enumerate().filter(|(_, (set, (rows, _)))| set.shared.pedestal && rows.len() >= FEW);
-        let pedestals = pedestals.map(|(index, (set, (rows, range)))| {
+        for (set, (rows, range)) in data.iter().zip(ends).filter(|(set, _)| set.shared.pedestal_sigma > 0.0) {
             let mut constant = vec![0.0; whitening.before.len()];
-            for (place, row) in range.clone().zip(rows) {
-                constant[place] = 1.0 / set.rows[row].sigma;
+            for (place, row) in range.zip(&rows) {
+                constant[place] = set.shared.pedestal_sigma / set.rows[*row].sigma;
             }
-            let along = DVector::from_vec(whitening.linear(&constant)).rows_range(range.clone()).into_owned();
-            let length = along.norm();
-            Pedestal { set: index, rows: range, along: along / length, length }
-        });
-        whitening.pedestals = pedestals.collect();
+            // Beside the other errors in common.
+            let along = whitening.linear(&constant);
+            let length = along.iter().map(|share| share * share).sum::<f64>().sqrt();
+            let along = along.into_iter().enumerate().filter(|(_, share)| *share != 0.0);
+            whitening.groups.push(Group { along: along.map(|(row, share)| (row, share / length)).collect(), length });
+        }
         whitening
     }
 
@@ -156,7 +121,7 @@ impl Whitening {
         groups.into_values().map(of).collect()
     }
 
-    /// A change of the residuals, without common errors of rows, pedestals kept.
+    /// Residuals, or a change of them, with independent errors.
     pub fn linear(&self, residuals: &[f64]) -> Vec<f64> {
         let mut white = self.uncorrelated(residuals);
         for group in &self.groups {
@@ -203,87 +168,6 @@ impl Whitening {
         }
         found.into_iter().zip(&self.over_own).map(|(value, over_own)| value.expect("every row") / over_own).collect()
     }
-
-    /// Residuals with independent errors, pedestals allowed for.
-    pub fn residuals(&self, residuals: &[f64]) -> Vec<f64> {
-        let mut white = self.linear(residuals);
-        for pedestal in &self.pedestals {
-            let level = pedestal.level(&white);
-            let counted = level / (1.0 + level * level / PEDESTAL).sqrt();
-            pedestal.add(&mut white, counted - level);
-        }
-        white
-    }
-
-    /// The same with significant pedestals removed completely.
-    pub fn levelled(&self, residuals: &[f64]) -> Vec<f64> {
-        let mut white = self.linear(residuals);
-        for pedestal in &self.pedestals {
-            let level = pedestal.level(&white);
-            if level * level > PEDESTAL {
-                pedestal.add(&mut white, -level);
-            }
-        }
-        white
-    }
-
-    /// Transforms a small change of such residuals, if pedestals have the given levels.
-    pub fn change(&self, linear: &mut [f64], levels: &[f64]) {
-        for (pedestal, level) in self.pedestals.iter().zip(levels) {
-            let along = pedestal.level(linear);
-            pedestal.add(linear, (slope(*level) - 1.0) * along);
-        }
-    }
-
-    /// The data set of each pedestal.
-    pub(crate) fn pedestal_sets(&self) -> Vec<usize> {
-        self.pedestals.iter().map(|pedestal| pedestal.set).collect()
-    }
-
-    /// No longer allows for pedestals.
-    pub(crate) fn forget_pedestals(&mut self) {
-        self.pedestals.clear();
-    }
-
-    /// The level of each pedestal, in units of its own error, in linear residuals.
-    pub fn levels(&self, linear: &[f64]) -> Vec<f64> {
-        self.pedestals.iter().map(|pedestal| pedestal.level(linear)).collect()
-    }
-
-    /// The contribution of each significant pedestal to chi2, at its level; 0 for others.
-    pub fn costs(&self, levels: &[f64]) -> Vec<f64> {
-        let of = |level: &f64| {
-            let square = level * level;
-            if square > PEDESTAL { square / (1.0 + square / PEDESTAL) } else { 0.0 }
-        };
-        levels.iter().map(of).collect()
-    }
-
-    /// Data set, value and error of each pedestal, in the unit of the values, in linear residuals of a fit with those derivatives
-    /// (of its residuals, pedestals allowed for); the error is that with all parameters free.
-    pub fn pedestals(&self, linear: &[f64], jacobian: &DMatrix<f64>) -> Vec<(usize, f64, f64)> {
-        let levels = self.levels(linear);
-        let mut derivatives = jacobian.clone();
-        for mut column in derivatives.column_iter_mut() {
-            for (pedestal, level) in self.pedestals.iter().zip(&levels) {
-                let along = pedestal.level(column.as_slice());
-                pedestal.add(column.as_mut_slice(), (1.0 / slope(*level) - 1.0) * along);
-            }
-        }
-        let span = Span::of(&derivatives, FLAT);
-        let of = |(pedestal, level): (&Pedestal, f64)| {
-            let mut constant = vec![0.0; linear.len()];
-            pedestal.add(&mut constant, 1.0);
-            let known = (1.0 - span.directions().tr_mul(&DVector::from_vec(constant)).norm_squared()).max(FLAT);
-            (pedestal.set, level / pedestal.length, 1.0 / (pedestal.length * known.sqrt()))
-        };
-        self.pedestals.iter().zip(levels).map(of).collect()
-    }
-}
-
-/// Derivative of a pedestal's transformed level with respect to the level.
-fn slope(level: f64) -> f64 {
-    (1.0 + level * level / PEDESTAL).powf(-1.5)
 }
 
 impl Group {
@@ -301,25 +185,10 @@ impl Group {
     }
 }
 
-impl Pedestal {
-    fn level(&self, white: &[f64]) -> f64 {
-        white[self.rows.clone()].iter().zip(self.along.iter()).map(|(white, along)| white * along).sum()
-    }
-
-    fn add(&self, white: &mut [f64], amount: f64) {
-        for (white, along) in white[self.rows.clone()].iter_mut().zip(self.along.iter()) {
-            *white += amount * along;
-        }
-    }
-}
-
 impl Shared {
-    /// Correlation of two neighbouring rows of a trail, at a distance in pixels.
-    pub fn between(&self, apart: i32) -> f64 {
-        match self.neighbours {
-            Neighbours::Pixels => self.correlation.powi(apart),
-            Neighbours::Rows => self.correlation,
-        }
+    /// Correlation of two neighbouring rows, at a distance in usual distances.
+    pub fn between(&self, apart: f64) -> f64 {
+        self.correlation.powf(apart)
     }
 }
 
@@ -344,6 +213,8 @@ pub(crate) fn trails(set: &DataSet, wanted: impl Fn(usize) -> bool) -> Vec<Link>
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{DMatrix, DVector};
+
     use super::*;
     use crate::io::table::Table;
     use crate::mission::Mission;

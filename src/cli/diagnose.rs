@@ -7,7 +7,7 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::{Adjust, Measured, NewMission};
 use super::number_argument::{number, whole};
-use super::{Failure, Outcome, Output, print, print_and_suggest, progress};
+use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::analysis::diagnose::{self, Verdict, diagnose};
 use crate::cli::file_argument::{InputFile, RevisedMission};
 use crate::error::InputError;
@@ -37,12 +37,9 @@ pub(super) struct Diagnose {
     /// Evaluations of the model at all rows after which no further step of the search begins
     #[arg(long, value_name = "N", default_value_t = diagnose::EVALUATIONS, value_parser = whole(1_u64..))]
     evaluations: u64,
-    /// Do not repeat the search with larger errors, another seed, other starts and other free keys
+    /// Do not repeat the search with larger errors and with other starts or free keys
     #[arg(long)]
     no_stability: bool,
-    /// Rank sets of effects by their evidence instead, with the errors of the data that are likeliest for each
-    #[arg(long, conflicts_with_all = ["write", "no_stability", "can", "html", "plots"])]
-    evidence: bool,
     /// Write the mission with the fitted values and the added effects; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
     write: Option<RevisedMission>,
@@ -74,12 +71,6 @@ impl Diagnose {
         };
         let advance = || bar.inc(1);
         let progress = diagnose::Progress { stage: &stage, advance: &advance };
-        if self.evidence {
-            let ranking = diagnose::ranking(&mission, &data, &options, &progress);
-            bar.finish_and_clear();
-            print(&ranking?, &self.output)?;
-            return Ok(Outcome::Done);
-        }
         let found = diagnose(&mission, &data, &options, &progress);
         bar.finish_and_clear();
         let found = found?;

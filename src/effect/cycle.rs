@@ -17,8 +17,10 @@ pub struct Cycle {
     peak: f64,
 }
 
-/// Mean length of the solar cycle, yr.
+/// Mean length of the solar cycle, yr, and the standard deviation over it: cycles 1 to 24 lasted 9.0 to 13.7 yr, 11.0 ± 1.2 (Hathaway
+/// 2015, Living Reviews in Solar Physics 12, 4, table 1).
 const SOLAR_CYCLE_YR: f64 = 11.0;
+const SCATTER: f64 = 0.11;
 
 /// Data that span at least this many years determine their own period.
 const SHOWS_PERIOD_YR: f64 = 8.0;
@@ -43,7 +45,7 @@ impl Catalogued for Cycle {
                 help: percentage,
                 ..key("amplitude", "amplitude over the mean dose rate", "", Number(0.0, 1.0), Required)
             },
-            key("period_yr", "period", "yr", Number(0.1, 1000.0), Required),
+            Key { scatter: Some(SCATTER), ..key("period_yr", "period", "yr", Number(0.1, 1000.0), Required) },
             Key {
                 help: |value| {
                     (value < 1000.0).then(|| "a calendar year such as 2000.3, not a time since launch".into())

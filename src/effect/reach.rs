@@ -18,7 +18,8 @@ pub struct Reach {
     pub backgrounds_e: Vec<f64>,
     /// Coldest and warmest detector, K.
     pub temperature_k: [f64; 2],
-    /// Dose of the model at the last epoch, or a year after launch if that is later, as a scale for trials, MeV/g.
+    /// Dose of the model at the last epoch, or a year after launch if that is later, or the largest that rows state, as a scale for
+    /// trials, MeV/g.
     pub dose_mev_g: f64,
 }
 
@@ -47,7 +48,7 @@ impl Reach {
             backgrounds_e: Reach::backgrounds_of(rows.clone()),
             charge_e: packets_e.map(|[faintest_e, brightest_e]| [background_e.unwrap_or(faintest_e), brightest_e]),
             temperature_k: ends(&|at| Some(at.temperature_k)).expect("at least one row"),
-            dose_mev_g: 0.0,
+            dose_mev_g: ends(&|at| at.dose_mev_g).map_or(0.0, |ends| ends[1]),
         }
     }
 
@@ -60,9 +61,10 @@ impl Reach {
         all.into_iter().step_by(step).collect()
     }
 
-    /// The same with the dose from a model; 0 if it has none.
+    /// The same with the dose from a model, if it is larger than what rows state.
     pub fn with_dose(&self, dose_mev_g: impl FnOnce(f64) -> Option<f64>) -> Reach {
-        Reach { dose_mev_g: dose_mev_g(self.last_yr().max(1.0)).unwrap_or(0.0), ..self.clone() }
+        let of_model = dose_mev_g(self.last_yr().max(1.0)).unwrap_or(0.0);
+        Reach { dose_mev_g: of_model.max(self.dose_mev_g), ..self.clone() }
     }
 
     /// Midpoints between epochs, at most `most`, evenly chosen.

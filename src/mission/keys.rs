@@ -22,6 +22,8 @@ pub struct Key {
     pub help: fn(f64) -> Option<String>,
     /// Advice on a word that is not one of those allowed.
     pub help_on_word: fn(&str) -> Option<String>,
+    /// Standard deviation of its values in nature over their mean, where observations tell; None if all that is known is in the unit.
+    pub scatter: Option<f64>,
 }
 
 impl Key {
@@ -633,7 +635,7 @@ fn altitude(value: f64) -> Option<String> {
 
 /// A key without advice.
 pub const fn key(path: &'static str, what: &'static str, unit: &'static str, kind: Allowed, need: Need) -> Key {
-    Key { path, what, unit, kind, need, help: |_| None, help_on_word: |_| None }
+    Key { path, what, unit, kind, need, help: |_| None, help_on_word: |_| None, scatter: None }
 }
 
 /// Orbits by their usual names.

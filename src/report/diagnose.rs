@@ -2,16 +2,15 @@
 
 mod figures;
 mod json;
-mod noise;
+mod ranking;
 mod reason;
 
 use super::fit::value_and_error;
-use super::{Page, Parts, Report, chance, effects_listed, keep_joined, or_dash, significant, table};
-use crate::analysis::diagnose::noise::SetNoise;
-use crate::analysis::diagnose::{Changed, Diagnosis, Next, Note, Reason, Rung, Stability, Tried, Verdict};
+use super::{Page, Parts, Report, chance, effects_listed, keep_joined, noise, or_dash, significant, table};
+use crate::analysis::diagnose::{Changed, Diagnosis, Next, Reason, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
+use crate::analysis::noise::SetNoise;
 use crate::analysis::validate::SetResult;
-use crate::analysis::whitening::PEDESTAL;
 use crate::mission::Mission;
 use crate::numeric::calendar::date_after;
 use crate::plan::sources::{self, Source};
@@ -116,14 +115,18 @@ impl Page for Diagnosis {
         if self.verdict == Verdict::Unexplained {
             self.left_over(&mut out);
         }
+        self.formula(&mut out);
         if !self.limits.is_empty() {
             self.detection_limits(&mut out);
+        }
+        if let Some(ranking) = &self.ranking {
+            ranking::say(ranking, &mut out);
         }
         if !self.tried.is_empty() {
             self.what_was_tried(&mut out);
         }
         self.stands(&mut out);
-        for note in self.notes.iter().filter(|note| !matches!(note, Note::NotConverged { .. })) {
+        for note in &self.notes {
             out.words(format!("Note: {note}."), 2);
         }
         out.warnings(self.before.warnings());
@@ -163,13 +166,10 @@ impl Changed {
 impl Diagnosis {
     /// Bounds at which the search ended, beside the verdict that they limit.
     fn bounds(&self, out: &mut Parts) {
-        for note in self.notes.iter().filter(|note| matches!(note, Note::NotConverged { .. })) {
-            out.words(format!("Note: {note}."), 2);
-        }
         if !self.undone.is_empty() {
             out.words(
                 format!(
-                    "Note: the search ended after {} evaluations of the model (a round may begin steps up to {}); left undone: {}. \
+                    "Note: the search ended after {} evaluations of the model (it may begin steps up to {}); left undone: {}. \
                      --evaluations N allows more.",
                     self.evaluations[0],
                     self.evaluations[1],
@@ -248,9 +248,9 @@ impl Diagnosis {
         });
         out.words(
             format!(
-                "  {} rows; free parameters are refitted in every row; a constant offset of each file is fitted here, not by \
-                 `validate` and `fit`, and adds at most {PEDESTAL} to chi2; p-value: probability that noise alone does as well, \
-                 corrected for all effects tried{held_out}",
+                "  {} rows; free parameters are refitted in every row; errors are those that are likeliest for the last model, \
+                 in all rows of this table; p-value: probability that noise alone does as well, corrected for all effects \
+                 tried{held_out}",
                 self.baseline.n
             ),
             4,
@@ -323,6 +323,10 @@ impl Diagnosis {
         for word in self.after.words() {
             out.words(word, 2);
         }
+    }
+
+    /// A formula instead of effects, or for what they leave.
+    fn formula(&self, out: &mut Parts) {
         if let Some(suggestion) = &self.suggestion {
             out.gap();
             let [before, with] = suggestion.chi2;

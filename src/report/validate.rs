@@ -7,10 +7,11 @@ pub(super) use words::correlation_in_words;
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Page, Parts, Report, chance, table};
+use super::{Page, Parts, Report, chance, noise, table};
 use crate::analysis::independence::Neighbours;
+use crate::analysis::noise::SetNoise;
 use crate::analysis::validate::residual_trend::Trend;
-use crate::analysis::validate::{SetResult, Validation};
+use crate::analysis::validate::{Likeliest, SetResult, Validation};
 use crate::report::plot::Figure;
 use crate::warning::Warning;
 
@@ -30,6 +31,7 @@ struct Document<'a> {
     independence: &'a [Neighbours],
     words: Vec<String>,
     conclusion: String,
+    likeliest_errors: Option<&'a Likeliest>,
     warnings: Vec<&'a Warning>,
 }
 
@@ -46,6 +48,7 @@ impl Serialize for Validation {
             independence: &self.independence.tests,
             words: self.words(),
             conclusion: self.conclusion(),
+            likeliest_errors: self.likeliest.as_ref(),
             warnings: self.warnings(),
         };
         document.serialize(to)
@@ -97,6 +100,7 @@ impl Page for Validation {
             out.verdict(word, 2);
         }
         out.verdict(self.conclusion(), 2);
+        self.likeliest_errors(&mut out);
         out.warnings(self.warnings());
         out
     }
@@ -107,6 +111,22 @@ impl Page for Validation {
 }
 
 impl Validation {
+    /// Errors other than quoted that are likeliest if the model is right.
+    fn likeliest_errors(&self, out: &mut Parts) {
+        let Some(likeliest) = &self.likeliest else { return };
+        let of = |(noise, set): (&SetNoise, &SetResult)| noise::words(noise, set.data.observable.unit());
+        let words: Vec<String> = likeliest.noise.iter().zip(&self.sets).filter_map(of).collect();
+        let are_believable = likeliest.noise.iter().zip(&self.sets).all(|(noise, set)| noise.is_believable(&set.data));
+        if words.is_empty() || !are_believable {
+            return;
+        }
+        out.heading("Errors that are likeliest if this model is right");
+        for word in words {
+            out.words(format!("  {word}"), 4);
+        }
+        out.words(format!("  with these errors chi2 is {} for {} rows", large(likeliest.chi2, 1), self.n), 4);
+    }
+
     /// Deviation of the model from each file.
     fn by_file(&self, out: &mut Parts) {
         let mut sets = table(&["data", "observable", "rows", "chi2", "chi2/row", "rms", "bias", "scatter"]);

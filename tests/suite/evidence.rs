@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use ctiplan::analysis::diagnose::{Options, Progress, Ranking, ranking};
+use ctiplan::analysis::diagnose::{Options, Progress, Ranking, diagnose};
 use ctiplan::analysis::measurement::DataSet;
 use ctiplan::mission::Mission;
 use serde_json::Value;
@@ -21,8 +21,8 @@ fn read(case: &str) -> (Mission, Vec<DataSet>, Value) {
 }
 
 fn ranked(mission: &Mission, data: &[DataSet]) -> Ranking {
-    let options = Options { free: mission.fit.free.clone(), ..Options::default() };
-    ranking(mission, data, &options, &SILENT).unwrap()
+    let options = Options { free: mission.fit.free.clone(), stability: false, ..Options::default() };
+    diagnose(mission, data, &options, &SILENT).unwrap().ranking.unwrap()
 }
 
 /// Whether effects are those of the truth.

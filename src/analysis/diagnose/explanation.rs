@@ -284,7 +284,7 @@ impl Fitter<'_> {
                 let all = normal[(i, j)] + own;
                 if i == j { all * (1.0 + damping) } else { all }
             });
-            let pull = |index: usize| (prior(index).mean - coordinates[index]) / prior(index).width.powi(2);
+            let pull = |index: usize| prior(index).pull(coordinates[index]) / prior(index).width.powi(2);
             let right = DVector::from_fn(moving.len(), |row, _| along[moving[row]] + pull(moving[row]));
             let found = matrix.cholesky().map(|factor| factor.solve(&right));
             let mut step = vec![0.0; start.unknowns.len()];

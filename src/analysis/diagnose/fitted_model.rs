@@ -9,7 +9,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::work::Work;
 use crate::analysis::fit::{self, Fit, Fitted};
 use crate::analysis::measurement::{DataSet, questions};
-use crate::analysis::whitening::{LARGEST_CORRELATION, Link, Whitening, trails};
+use crate::analysis::whitening::{LARGEST_CORRELATION, Whitening};
 use crate::effect::Reach;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -26,8 +26,6 @@ pub(super) struct Case<'a> {
     pub sigmas: Vec<f64>,
     /// Data set of each row.
     pub set_of: Vec<usize>,
-    /// For each row the preceding row in the same trail, and their distance in pixels.
-    pub before: Vec<Link>,
     pub(super) whitening: Whitening,
     pub reach: Reach,
     /// Evaluations of the model at all rows.
@@ -49,7 +47,6 @@ impl<'a> Case<'a> {
             values: rows().map(|row| row.value).collect(),
             sigmas: rows().map(|row| row.sigma).collect(),
             set_of,
-            before: neighbours(data),
             whitening: Whitening::of(data, |_| true),
             reach: Reach::of(questions.iter().map(|question| &**question.at)),
             questions,
@@ -83,16 +80,9 @@ impl<'a> Case<'a> {
         Ok(self.white(&values))
     }
 
-    /// Values in units of each row's sigma, whitened as above; pedestals are kept.
+    /// Values in units of each row's sigma, whitened as above.
     pub fn white(&self, values: &[f64]) -> DVector<f64> {
         DVector::from_vec(self.whitening.linear(&self.over_sigma(values)))
-    }
-
-    /// The chi2 penalty of each file's pedestal for a model; empty if the model has no value.
-    pub fn pedestal_costs(&self, model: &Model) -> Vec<f64> {
-        let predicted = self.predict_sigma(model);
-        let residuals = predicted.map(|predicted| self.white(&self.values) - predicted);
-        residuals.map_or(Vec::new(), |residuals| self.whitening.costs(&self.whitening.levels(residuals.as_slice())))
     }
 
     /// Excess of another model's predictions over those of a fitted one, as it enters the residuals.
@@ -100,31 +90,17 @@ impl<'a> Case<'a> {
     /// # Errors
     /// As [`Case::predict_sigma`].
     pub fn change(&self, node: &Node, model: &Model) -> Result<DVector<f64>, InputError> {
-        let mut change = self.predict_sigma(model)? - self.white(&node.fit.values);
-        self.whitening.change(change.as_mut_slice(), &node.levels);
-        Ok(change)
+        Ok(self.predict_sigma(model)? - self.white(&node.fit.values))
     }
 
-    /// A small change of the values, in their unit, as it enters the residuals at a fitted model.
-    pub fn change_of_values(&self, node: &Node, change: &[f64]) -> DVector<f64> {
-        let mut change = self.white(change);
-        self.whitening.change(change.as_mut_slice(), &node.levels);
-        change
-    }
-
-    /// (value − model)/sigma, whitened and without pedestals.
+    /// (value − model)/sigma, whitened.
     pub fn residuals(&self, model: &[f64]) -> DVector<f64> {
         let off: Vec<f64> = self.values.iter().zip(model).map(|(value, model)| value - model).collect();
-        DVector::from_vec(self.whitening.residuals(&self.over_sigma(&off)))
+        self.white(&off)
     }
 
     fn over_sigma(&self, values: &[f64]) -> Vec<f64> {
         values.iter().zip(&self.sigmas).map(|(value, sigma)| value / sigma).collect()
-    }
-
-    /// A whitened change of residuals with the common part of the errors restored.
-    pub fn coloured(&self, white: &[f64]) -> DVector<f64> {
-        DVector::from_vec(self.whitening.undone(white))
     }
 
     /// The whitening for correlations at the middles of `n` intervals of equal probability of their errors, of all files at once;
@@ -146,28 +122,6 @@ impl<'a> Case<'a> {
         };
         (0..n).map(at).collect()
     }
-
-    /// Names of the files of some pedestals, by their indices among all.
-    pub fn pedestal_files(&self, places: impl Iterator<Item = usize>) -> Vec<String> {
-        let sets = self.whitening.pedestal_sets();
-        places.map(|place| self.data[sets[place]].file.clone()).collect()
-    }
-
-    /// Data set, value and error of the pedestal of each file that may have one, at a fitted model.
-    pub fn pedestals(&self, node: &Node) -> Vec<(usize, f64, f64)> {
-        let residuals = self.white(&self.values) - self.white(&node.fit.values);
-        self.whitening.pedestals(residuals.as_slice(), &node.fit.jacobian)
-    }
-}
-
-/// For each row of all data sets the preceding row in the same trail.
-fn neighbours(data: &[DataSet]) -> Vec<Link> {
-    let mut all: Vec<Link> = Vec::new();
-    for set in data {
-        let first = all.len();
-        all.extend(trails(set, |_| true).into_iter().map(|link| link.map(|(row, apart)| (first + row, apart))));
-    }
-    all
 }
 
 /// An effect that was added.
@@ -189,10 +143,6 @@ pub(super) struct Node {
     pub fit: Fit,
     /// (value − model)/sigma, whitened.
     pub residuals: DVector<f64>,
-    /// Pedestals over their errors.
-    levels: Vec<f64>,
-    /// chi2 penalty of each.
-    pub pedestal_costs: Vec<f64>,
     /// Orthonormal directions that the free parameters can absorb, `[(row, direction)]`.
     pub basis: DMatrix<f64>,
 }
@@ -209,17 +159,9 @@ impl Node {
         let keys: Vec<String> = base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
         let fit = fit::fit_rows(model, case.data, &keys, options, &|_| case.work.count(), |_| true)?;
         let model = model.like(&fit.mission);
-        let off: Vec<f64> = case.values.iter().zip(&fit.values).map(|(value, model)| value - model).collect();
         let residuals = case.residuals(&fit.values);
-        let levels = case.whitening.levels(case.white(&off).as_slice());
         let basis = orthonormal(&fit.jacobian);
-        let pedestal_costs = case.whitening.costs(&levels);
-        Ok(Node { added, model, fit, residuals, levels, pedestal_costs, basis })
-    }
-
-    /// Whether the mean residual of any file exceeds noise.
-    pub fn has_pedestal(&self) -> bool {
-        self.levels.iter().any(|level| level.abs() > CLEAR)
+        Ok(Node { added, model, fit, residuals, basis })
     }
 
     pub fn mission(&self) -> &Mission {
@@ -228,23 +170,6 @@ impl Node {
 
     pub fn chi2(&self) -> f64 {
         self.fit.chi2
-    }
-
-    /// chi2 of the rows: without the penalty of pedestals in a comparison of models.
-    pub fn chi2_of_rows(&self) -> f64 {
-        self.chi2() - self.pedestal_costs.iter().sum::<f64>()
-    }
-
-    /// Decrease of chi2 to that of another model with `parameters` additional parameters. Savings of pedestal penalties are not
-    /// counted: pedestals can exist without an effect. But each parameter can take the place of one pedestal (as can the choice of
-    /// the effect), and an effect would replace more pedestals than it has parameters only by chance. So only the largest savings,
-    /// one per parameter, are subtracted.
-    pub fn gain_of(&self, chi2: f64, pedestal_costs: &[f64], parameters: usize) -> f64 {
-        let after = pedestal_costs.iter().copied().chain(std::iter::repeat(0.0));
-        let mut saved: Vec<f64> =
-            self.pedestal_costs.iter().zip(after).map(|(before, after)| (before - after).max(0.0)).collect();
-        saved.sort_by(|a, b| b.total_cmp(a));
-        self.chi2() - chi2 - saved.iter().take(parameters.max(1)).sum::<f64>()
     }
 
     /// Degrees of freedom: rows less free parameters.
@@ -273,9 +198,6 @@ impl Node {
         vector - &self.basis * self.basis.tr_mul(vector)
     }
 }
-
-/// Significance, in its errors, beyond which a pedestal is no noise.
-const CLEAR: f64 = 3.0;
 
 /// Share of a column beyond the span of the others, below which the column is linearly dependent.
 pub(super) const FLAT: f64 = 1e-5;

@@ -78,11 +78,6 @@ impl Formula {
         std::iter::once(head).chain(lines).collect()
     }
 
-    /// Fitted parameters, and the limit of a step.
-    pub fn parameters(&self) -> usize {
-        self.powers.len() + usize::from(matches!(self.argument, Argument::Above(..)))
-    }
-
     fn concerns(&self, set: &DataSet) -> bool {
         self.of.is_none_or(|observable| observable == set.observable)
     }
@@ -190,25 +185,17 @@ pub(super) fn laws(data: &[DataSet]) -> Vec<Formula> {
             for powers in [&[1][..], &[0, 1], &[1, 2], &[0, 1, 2]].into_iter().filter(determined) {
                 add(Argument::Condition(condition.clone(), origin(&values)), powers);
             }
+            if condition == "t_yr" {
+                for period_yr in periods_yr(&values) {
+                    add(Argument::Wave(period_yr), &[0, 1]);
+                }
+            }
             if condition == "t_yr" && values.len() <= MOST_STEPS {
                 for pair in values.windows(2) {
                     add(Argument::Above(condition.clone(), between(pair[0], pair[1])), &[1]);
                 }
             }
         }
-    }
-    all
-}
-
-/// Waves in time that multiply values, or are added to them.
-pub(super) fn waves(data: &[DataSet]) -> Vec<Formula> {
-    let mut all = Vec::new();
-    for (of, multiplied) in targets(data.iter()) {
-        let concerned: Vec<&DataSet> = data.iter().filter(|set| of.is_none_or(|of| of == set.observable)).collect();
-        let times = conditions(&concerned).into_iter().find(|(condition, _)| condition == "t_yr");
-        let periods_yr = times.map_or_else(Vec::new, |(_, epochs_yr)| periods_yr(&epochs_yr));
-        let wave = |period_yr| Formula { of, multiplied, argument: Argument::Wave(period_yr), powers: &[0, 1] };
-        all.extend(periods_yr.into_iter().map(wave));
     }
     all
 }

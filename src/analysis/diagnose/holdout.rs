@@ -68,11 +68,6 @@ fn seen(node: &Node, members: &[usize]) -> (SymmetricEigen<f64, Dyn>, DVector<f6
     (seen.symmetric_eigen(), residuals)
 }
 
-/// The least share of a group's residuals, in any combination of its rows, that free parameters do not absorb.
-pub(super) fn least_seen(node: &Node, members: &[usize]) -> f64 {
-    seen(node, members).0.eigenvalues.min()
-}
-
 /// Residuals of a group's rows if left out; None if the others do not predict them.
 pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
     let (eigen, residuals) = seen(node, members);
@@ -105,16 +100,6 @@ pub(super) fn surprise_of_all(groups: &[Vec<usize>], node: &Node) -> f64 {
     let mut never = node.residuals.clone();
     groups.iter().flatten().for_each(|&row| never[row] = 0.0);
     surprise(groups, node) + never.norm_squared()
-}
-
-/// The same for the groups at the ends of the range of every condition, to which a model is extrapolated from the others.
-pub(super) fn surprise_beyond(case: &Case, node: &Node) -> f64 {
-    let ends = |column: &&str| {
-        let groups = groups(case.data, column).ok().filter(|groups| groups.len() > 3)?;
-        let ends = groups.into_iter().filter(|(_, _, at_end)| *at_end);
-        Some(ends.map(|(_, members, _)| members).collect::<Vec<_>>())
-    };
-    surprise(&CONDITIONS.iter().filter_map(ends).flatten().collect::<Vec<_>>(), node)
 }
 
 /// rms of (value − model)/sigma over groups left out in turn.

@@ -1,6 +1,6 @@
 //! What might be missing: the catalogue, and the user's own formulas.
 
-use nalgebra::{DMatrix, DVector, DVectorView};
+use nalgebra::{DMatrix, DVector};
 use toml::{Table, Value};
 
 use super::fitted_model::{Case, Node, orthonormal};
@@ -54,8 +54,6 @@ pub fn all(mission: &Mission, candidates: Option<&Table>) -> Result<Vec<Hypothes
 
 /// One form that an effect could take, at a fitted model.
 pub(super) struct Trial {
-    /// Index of the hypothesis among all.
-    pub hypothesis: usize,
     /// The effect's table.
     pub table: Table,
     /// Orthonormal directions in which it changes the predictions, beyond what the free parameters absorb.
@@ -64,8 +62,6 @@ pub(super) struct Trial {
     pub moved_sigma: f64,
     /// Whether its strength is free, and not below zero.
     strength: Strength,
-    /// Whether it can be so weak that it has no effect.
-    pub can_be_nothing: bool,
 }
 
 /// Largest factor on the strength in its table from which a fit starts.
@@ -95,37 +91,6 @@ impl Trial {
             Strength::Positive => along[0].max(0.0).powi(2),
             Strength::Any => along.iter().map(|along| along * along).sum(),
         }
-    }
-
-    /// Decrease of chi2 with it for a strength within reach. If the free parameters absorb most of an effect, the small remainder
-    /// would fit anything if scaled up far enough.
-    pub fn gain_in_reach(&self, residuals: &DVector<f64>) -> f64 {
-        self.change(residuals).max(0.0)
-    }
-
-    /// The same, negative if it increases chi2.
-    pub fn change(&self, residuals: &DVector<f64>) -> f64 {
-        let gain = self.fall_along(self.basis.tr_mul(residuals).as_slice());
-        match self.strength {
-            Strength::Fixed => gain,
-            _ => gain - (gain.sqrt() - FARTHEST * self.moved_sigma).max(0.0).powi(2),
-        }
-    }
-
-    /// Factor on the strength in its table that fits the residuals best, to first order.
-    pub fn strength(&self, residuals: &DVector<f64>) -> f64 {
-        self.basis.tr_mul(residuals).norm() / self.moved_sigma
-    }
-
-    /// Factor on the strength in its table that gives these projections on its directions; negative if its strength cannot be.
-    pub fn strength_along(&self, along: DVectorView<f64>) -> f64 {
-        let sign = if self.strength == Strength::Positive { along[0].signum() } else { 1.0 };
-        sign * along.norm() / self.moved_sigma
-    }
-
-    /// Its change of the predictions, if it has nothing to adjust.
-    pub fn fixed(&self) -> Option<DVector<f64>> {
-        (self.strength == Strength::Fixed).then(|| self.basis.column(0) * self.moved_sigma)
     }
 
     /// Number of independent changes of the predictions by its strength alone.
@@ -217,15 +182,8 @@ impl Hypothesis {
         (!names.is_empty()).then_some((table, names))
     }
 
-    /// A table of it with which it can be added to a fitted model, if there is one.
-    pub(super) fn any_table(&self, case: &Case, node: &Node) -> Option<Table> {
-        let reach = case.reach.with_dose(|t_yr| node.model.dose_mev_g(t_yr).ok());
-        let tables = self.ways(node.mission(), &reach).into_iter().flatten();
-        tables.into_iter().find(|table| mission_file::add_effect(node.mission(), self.kind, table.clone()).is_ok())
-    }
-
     /// Its trials at a fitted model; none if the free parameters absorb it, or it changes nothing.
-    pub(super) fn trials(&self, place: usize, case: &Case, node: &Node) -> Vec<Trial> {
+    pub(super) fn trials(&self, case: &Case, node: &Node) -> Vec<Trial> {
         let reach = case.reach.with_dose(|t_yr| node.model.dose_mev_g(t_yr).ok());
         let ways = self.ways(node.mission(), &reach);
         let signature = |mission: &Mission, table: &Table| -> Option<DVector<f64>> {
@@ -260,8 +218,7 @@ impl Hypothesis {
                 [one] => DMatrix::from_columns(&[one / one.norm()]),
                 several => orthonormal(&DMatrix::from_columns(several)),
             };
-            let can_be_nothing = strength != Strength::Fixed && self.own.is_none();
-            Some(Trial { hypothesis: place, table, basis, moved_sigma, strength, can_be_nothing })
+            Some(Trial { table, basis, moved_sigma, strength })
         };
         parallel::map(&ways, trial).into_iter().flatten().collect()
     }

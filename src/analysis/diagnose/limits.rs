@@ -1,14 +1,12 @@
 //! What complete data would have shown: for each effect the strength that they detect with 95 % power.
 
 use std::convert::Infallible;
-use std::sync::Arc;
 
-use super::fitted_model::Node;
+use super::evidence::Evidence;
+use super::fitted_model::{Case, Node};
 use super::hypothesis::{Hypothesis, Trial};
 use super::result::Limit;
-use super::search::Search;
-use super::significance::Noise;
-use crate::error::InputError;
+use super::significance::Null;
 use crate::mission_file;
 use crate::numeric::parallel;
 use crate::numeric::root_finding;
@@ -31,22 +29,23 @@ const LEVELLED: f64 = 0.5;
 /// Accuracy of a limit, as a logarithm of the strength and of the signature.
 const EXACT: f64 = 1e-3;
 
-/// Limits of all effects.
-pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<Limit>, InputError> {
-    (search.progress.stage)("detection limits", search.hypotheses.len() as u64);
-    let noise = Noise::left_at(search.case, base);
-    let null = search.null(base, &noise);
-    let expansion = search.expand(base);
+/// Share of the level for the search of all effects.
+const SEARCH: f64 = 0.5;
+
+/// Limits of all effects, from their trials at the base and the null distribution there.
+pub(super) fn all(evidence: &Evidence, base: &Node, trials: &[Vec<Trial>], null: &Null) -> Vec<Limit> {
+    let hypotheses = evidence.search.hypotheses;
+    (evidence.search.progress.stage)("detection limits", hypotheses.len() as u64);
     let limit = |(place, trials): (usize, &Vec<Trial>)| {
-        search.progress.step();
-        let needed = null.threshold(place, super::stopping_rule::SEARCH * level).sqrt() + POWER;
-        limit(search, base, &search.hypotheses[place], trials, needed)
+        evidence.search.progress.step();
+        let needed = null.threshold(place, SEARCH * evidence.options.level).sqrt() + POWER;
+        limit(evidence.case, base, &hypotheses[place], trials, needed)
     };
-    Ok(parallel::map(expansion.trials.iter().enumerate(), limit))
+    parallel::map(trials.iter().enumerate(), limit)
 }
 
 /// The limit of one effect: the strength that changes the predictions by the given number of sigma.
-fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial], needed_sigma: f64) -> Limit {
+fn limit(case: &Case, base: &Node, hypothesis: &Hypothesis, trials: &[Trial], needed_sigma: f64) -> Limit {
     let none = Limit { effect: hypothesis.name.clone(), table: None, parameter: String::new(), increases: true };
     // The median of its trials by detectability.
     let mut order: Vec<&Trial> = trials.iter().collect();
@@ -62,7 +61,7 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
     let excess = |log: f64| -> f64 {
         let moved_sigma = || -> Option<f64> {
             let (mission, _) = mission_file::add_effect(base.mission(), hypothesis.kind, at(log)).ok()?;
-            let signature = search.case.change(base, &base.model.like(&mission)).ok()?;
+            let signature = case.change(base, &base.model.like(&mission)).ok()?;
             Some(base.beyond(&signature).norm())
         };
         let excess = (moved_sigma().unwrap_or(0.0) / needed_sigma).ln();

@@ -2,7 +2,7 @@
 //!
 //! Widths are those of ignorance within reason, set once: a species' density is known to a factor of 4, a time to one of 7, a power
 //! or a factor to 50 %, a fraction to 0.4, a temperature to 5 K; of an amplitude only that it may be hundreds of times weaker or
-//! stronger than a visible one. A parameter that data determine to a relative error r costs 2 ln(width/r) in −2 ln Z; a width twice
+//! stronger than a visible one; what nature is known to scatter by is in the effect's own key. A parameter that data determine to a relative error r costs 2 ln(width/r) in −2 ln Z; a width twice
 //! as large costs 1.4 more.
 
 use toml::{Table, Value};
@@ -19,8 +19,8 @@ const SIZE_LN: f64 = 2.5;
 const FRACTION: f64 = 0.4;
 const KELVIN: f64 = 5.0;
 
-/// A phase is uniform over a period; this is the standard deviation, in periods.
-const PHASE: f64 = 0.29;
+/// A phase is uniform over a period: this normal width, in periods, has the same density at its mean.
+const PHASE: f64 = 0.399;
 
 /// Strengths in trials are weak, so that the first order holds: typical ones are larger by this factor.
 const TYPICAL: f64 = 3.0;
@@ -36,6 +36,8 @@ const LEAST: f64 = 1e-5;
 pub(super) struct Prior {
     /// Whether mean, width and bounds are those of the logarithm.
     is_log: bool,
+    /// Whether all values are as probable as the mean.
+    is_flat: bool,
     pub mean: f64,
     pub width: f64,
     low: f64,
@@ -59,7 +61,7 @@ impl Prior {
             _ if low >= 0.0 && high <= 1.0 => FRACTION,
             _ => EITHER_SIGN * if start == 0.0 { 1.0 } else { start.abs() },
         };
-        Prior { is_log: false, mean: start, width, low, high }
+        Prior { is_log: false, is_flat: false, mean: start, width, low, high }
     }
 
     /// Of a parameter of an effect, from its values in a trial and without the effect. The table of the trial says whether it is the
@@ -69,9 +71,14 @@ impl Prior {
         let value = parameter.start;
         let without = number(nothing, name);
         let is_alone = trial.values().filter(|value| value.is_float()).count() == 1;
-        let linear = |mean: f64, width: f64| Prior { is_log: false, mean, width, low, high };
-        if let (Some(period_yr), "yr", false) = (number(trial, "period_yr"), parameter.unit, parameter.is_log()) {
-            return linear(value, PHASE * period_yr);
+        let linear = |mean: f64, width: f64| Prior { is_log: false, is_flat: false, mean, width, low, high };
+        if let (Some(scatter), Some(mean)) = (parameter.scatter, without) {
+            return linear(mean, scatter * mean);
+        }
+        if let (Some(period_yr), "yr" | "(decimal year)", false) =
+            (number(trial, "period_yr"), parameter.unit, parameter.is_log())
+        {
+            return Prior { is_flat: true, ..linear(value, PHASE * period_yr) };
         }
         if parameter.is_log() {
             let width = match parameter.unit {
@@ -97,7 +104,7 @@ impl Prior {
     }
 
     fn log(mean: f64, width: f64, low: f64, high: f64) -> Prior {
-        Prior { is_log: true, mean: mean.ln(), width, low: low.ln(), high: high.ln() }
+        Prior { is_log: true, is_flat: false, mean: mean.ln(), width, low: low.ln(), high: high.ln() }
     }
 
     /// The coordinate of a value in which the prior is normal, within the bounds.
@@ -128,7 +135,12 @@ impl Prior {
 
     /// −2 ln of the prior at a coordinate over its maximum.
     pub fn cost(&self, coordinate: f64) -> f64 {
-        ((coordinate - self.mean) / self.width).powi(2)
+        if self.is_flat { 0.0 } else { ((coordinate - self.mean) / self.width).powi(2) }
+    }
+
+    /// From a coordinate to where the prior draws it.
+    pub fn pull(&self, coordinate: f64) -> f64 {
+        if self.is_flat { 0.0 } else { self.mean - coordinate }
     }
 
     /// A step for derivatives, towards the middle: a thousandth of the logarithm, or of a typical size.

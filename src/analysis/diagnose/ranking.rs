@@ -1,26 +1,13 @@
-//! Sets of effects ranked by their evidence: one number for each, with the errors of the data that are likeliest for it.
-//!
-//! This stands beside the verdict of a diagnosis, and is not part of it. It needs no first look at the errors: wrong rows, errors that
-//! are too small or correlated, and constants of files are estimated anew for every set ([`crate::analysis::likelihood`]), so that it
-//! also ranks effects in rough data.
-
-use std::sync::Arc;
+//! Sets of effects ranked by their evidence: what a verdict was read from.
 
 use serde::Serialize;
 
-use super::explanation::{Explanation, Fitter};
-use super::fitted_model::Case;
-use super::hypothesis::{self, Hypothesis};
-use super::numerics;
-use super::options::{Options, Progress};
-use super::set_search::{SetSearch, WithLaw};
-use super::verdict;
-use super::work::Work;
+use super::explanation::Explanation;
+use super::hypothesis::Hypothesis;
+use super::set_search::{Searched, SetSearch, WithLaw};
+use super::verdict::{self, Named};
 use crate::analysis::likelihood::{Errors, Likelihood};
-use crate::analysis::measurement::{DataSet, some_rows};
-use crate::error::InputError;
-use crate::mission::Mission;
-use crate::model::Model;
+use crate::analysis::measurement::DataSet;
 
 /// Sets listed: −2 ln Z within this of the best, 22 000 to 1; and the mission as given.
 const LISTED: f64 = 20.0;
@@ -31,10 +18,6 @@ const WRONG: f64 = 0.5;
 /// Sets of effects, best evidence first.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ranking {
-    /// The mission's name.
-    pub mission: String,
-    /// Number of rows.
-    pub n: usize,
     /// The sets, best first; the mission as given, without an effect, is always among them.
     pub sets: Vec<RankedSet>,
     /// Difference of −2 ln Z from which one set is decided against another.
@@ -47,10 +30,6 @@ pub struct Ranking {
     pub shares: Vec<EffectShare>,
     /// The best law of the measurement itself.
     pub law: Option<RankedLaw>,
-    /// Evaluations of the model at all rows.
-    pub evaluations: u64,
-    /// Steps of the search that were left undone because of the limit on evaluations.
-    pub undone: Vec<String>,
 }
 
 /// One set of effects.
@@ -118,48 +97,30 @@ pub struct RankedLaw {
     pub is_clearly_better: bool,
 }
 
-/// Ranks sets of at most three effects by their evidence.
-///
-/// # Errors
-/// If keys cannot be fitted, candidates make no sense, or the model has no value for a row.
-pub fn ranking(
-    mission: &Mission,
-    data: &[DataSet],
-    options: &Options,
-    progress: &Progress,
-) -> Result<Ranking, InputError> {
-    some_rows(data, "cannot rank effects")?;
-    let hypotheses = hypothesis::all(mission, options.candidates.as_ref())?;
-    let case = Case { work: Arc::new(Work::of_at_most(options.evaluations)), ..Case::of(data) };
-    (progress.stage)("numerics", 0);
-    let (accurate, _) = numerics::accurate(&case, mission)?;
-    let likelihood = Likelihood::of(data);
-    let fitter = Fitter { case: &case, likelihood: &likelihood, model: Model::new(&accurate) };
-    let (hypotheses, free) = (&hypotheses[..], &options.free[..]);
-    let searched = SetSearch { fitter, given: mission, hypotheses, free, progress }.run()?;
-    let named = verdict::name(&searched, hypotheses);
-    let names = |set: &[usize]| set.iter().map(|place| hypotheses[*place].name.clone()).collect::<Vec<String>>();
-    let best = searched.sets.iter().map(Explanation::minus_2_ln_z).fold(f64::INFINITY, f64::min);
-    let is_listed = |one: &&Explanation| one.minus_2_ln_z() < best + LISTED || one.added.is_empty();
-    let listed: Vec<&Explanation> = searched.sets.iter().filter(is_listed).collect();
-    let law = |law: &WithLaw| RankedLaw {
-        expression: law.law.expression(),
-        beside: names(&law.beside),
-        excess: law.minus_2_ln_z - best,
-        is_clearly_better: named.law_is_better,
-    };
-    Ok(Ranking {
-        mission: mission.mission.name.clone(),
-        n: case.n(),
-        decided: verdict::DECIDED,
-        named: names(&named.adopted.set()),
-        rivals: named.rivals.iter().map(|rival| names(&rival.set())).collect(),
-        shares: shares(&listed, hypotheses, best),
-        law: searched.law.as_ref().map(law),
-        sets: listed.iter().map(|one| ranked(one, names(&one.set()), data, &likelihood, best)).collect(),
-        evaluations: case.work.done(),
-        undone: case.work.undone(),
-    })
+impl Ranking {
+    /// Of everything that was fitted to some data.
+    pub(super) fn of(search: &SetSearch, searched: &Searched, named: &Named) -> Ranking {
+        let (hypotheses, data) = (search.hypotheses, search.fitter.case.data);
+        let names = |set: &[usize]| set.iter().map(|place| hypotheses[*place].name.clone()).collect::<Vec<String>>();
+        let best = searched.sets.iter().map(Explanation::minus_2_ln_z).fold(f64::INFINITY, f64::min);
+        let is_listed = |one: &&Explanation| one.minus_2_ln_z() < best + LISTED || one.added.is_empty();
+        let listed: Vec<&Explanation> = searched.sets.iter().filter(is_listed).collect();
+        let law = |law: &WithLaw| RankedLaw {
+            expression: law.law.expression(),
+            beside: names(&law.beside),
+            excess: law.minus_2_ln_z - best,
+            is_clearly_better: named.law_is_better,
+        };
+        let likelihood = search.fitter.likelihood;
+        Ranking {
+            decided: verdict::DECIDED,
+            named: names(&named.adopted.set()),
+            rivals: named.rivals.iter().map(|rival| names(&rival.set())).collect(),
+            shares: shares(&listed, hypotheses, best),
+            law: searched.law.as_ref().map(law),
+            sets: listed.iter().map(|one| ranked(one, names(&one.set()), data, likelihood, best)).collect(),
+        }
+    }
 }
 
 fn ranked(one: &Explanation, effects: Vec<String>, data: &[DataSet], likelihood: &Likelihood, best: f64) -> RankedSet {

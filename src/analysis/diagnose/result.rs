@@ -3,9 +3,10 @@
 use serde::Serialize;
 
 use super::holdout::Carried;
-use super::noise::SetNoise;
+use super::ranking::Ranking;
 use super::stability::Stability;
 use crate::analysis::fit::{Advice, Fitted};
+use crate::analysis::noise::SetNoise;
 use crate::analysis::validate::Validation;
 use crate::mission::Mission;
 use crate::physics::observable::Observable;
@@ -66,6 +67,13 @@ pub enum Reason {
         /// Whether the constants are most of the values.
         are_most: bool,
     },
+    /// Effects explain with the errors as quoted what is otherwise larger or correlated errors of a file.
+    LackingOrErrors {
+        /// The effects.
+        effects: Vec<String>,
+        /// The file.
+        file: String,
+    },
     /// Unexplained.
     Unexplained {
         /// Steps of the search that were left undone.
@@ -115,24 +123,6 @@ pub enum Reason {
         /// Ratio of the scatter to them.
         factor: f64,
     },
-    /// Unfit: an effect may be missing, or the errors are too small.
-    Undecided {
-        /// The effects that would explain the data.
-        effects: Vec<String>,
-        /// Decrease of chi2 with them.
-        fall: f64,
-        /// chi2 without them, and rows.
-        chi2: f64,
-        /// Rows.
-        n: usize,
-    },
-    /// Unfit: rows far from a model that explains all others.
-    OddRows {
-        /// Each with its residual in sigma.
-        rows: Vec<(RowPlace, f64)>,
-        /// Kinds of the effects that the model was given.
-        with: Vec<String>,
-    },
 }
 
 /// A row of a measurement file.
@@ -149,11 +139,6 @@ pub struct RowPlace {
 /// A warning or remark; the report has the wording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
-    /// The errors estimated at the end of the last round still differ from those with which it searched.
-    NotConverged {
-        /// Number of rounds.
-        rounds: usize,
-    },
     /// An event between two epochs between which a recorded condition changed as well.
     CoincidesWith {
         /// The effect, or the step of a law.
@@ -213,6 +198,22 @@ pub enum Note {
         /// The years that the data span.
         span_yr: f64,
     },
+    /// The best combination of effects, of data that none explains.
+    Nearest {
+        /// The effects.
+        effects: Vec<String>,
+        /// chi2 without and with them.
+        chi2: [f64; 2],
+        /// Rows.
+        n: usize,
+    },
+    /// Further effects in the place of errors that are not as quoted, or of rows that are wrong.
+    IfErrorsAreRight {
+        /// The effects.
+        effects: Vec<String>,
+        /// Excess of their −2 ln Z over that with such errors.
+        excess: f64,
+    },
     /// No effect of any strength would have been detected.
     NothingDetectable,
     /// A cycle whose period evenly spaced epochs do not distinguish from others.
@@ -233,15 +234,6 @@ pub enum Note {
         /// The key of the species that vanished.
         species: String,
     },
-    /// An effect that explains the pedestals of complete data as simply as they do.
-    InPlaceOfPedestals {
-        /// The effect.
-        effect: String,
-        /// Files that have no pedestal with it.
-        files: Vec<String>,
-        /// Decrease of chi2 with it, pedestals counted as in the search.
-        fall: f64,
-    },
     /// A temperature of its own for every epoch explains what no effect does.
     EpochTemperatures {
         /// Number of epochs.
@@ -252,17 +244,6 @@ pub enum Note {
         chi2: [f64; 2],
         /// Number of rows.
         n: usize,
-    },
-    /// A rival that is only slightly worse than the adopted effect and was set aside.
-    SetAside {
-        /// The rival.
-        effect: String,
-        /// The adopted effect.
-        instead_of: String,
-        /// Excess of its chi2.
-        chi2: f64,
-        /// Its additional parameters.
-        parameters: i64,
     },
 }
 
@@ -387,6 +368,8 @@ pub struct Diagnosis {
     pub baseline: Rung,
     /// Effects added, best first.
     pub steps: Vec<Step>,
+    /// Sets of effects by their evidence; None if the data cannot carry a verdict.
+    pub ranking: Option<Ranking>,
     /// All effects tried on top of the mission's own model, lowest chi2 first.
     pub tried: Vec<Tried>,
     /// Sets of effects that explain the data equally well, the adopted one first.
@@ -428,6 +411,7 @@ impl Diagnosis {
             all.extend(placed.into_iter().map(|(_, one)| one));
         }
         put(&mut self.noise, places);
+        self.ranking.iter_mut().flat_map(|ranking| &mut ranking.sets).for_each(|set| put(&mut set.noise, places));
         for validation in [&mut self.before, &mut self.after] {
             put(&mut validation.sets, places);
             validation.trends.iter_mut().for_each(|trend| trend.set = places[trend.set]);

@@ -13,10 +13,12 @@ use toml::Table;
 
 use super::explanation::{Explanation, Fitter, Start, Unknown, volume};
 use super::fitted_model::Added;
-use super::formula::{Argument, Formula, laws, waves};
+use super::formula::{Argument, Formula, laws};
 use super::hypothesis::{FARTHEST, Hypothesis};
 use super::options::Progress;
 use super::prior::{Prior, number};
+use super::result::{Reason, Suggestion};
+use super::unrecorded;
 use crate::analysis::fit;
 use crate::analysis::fit::parameter::Parameter;
 use crate::analysis::likelihood::{Errors, minus_2_ln_l};
@@ -40,7 +42,8 @@ const BREADTH: usize = 6;
 const MORE: usize = 10;
 const CLOSE: f64 = 10.0;
 
-/// Forms of an effect whose remaining errors are estimated anew, for each of the two ways to weigh rows; and those that are fitted.
+/// Forms of an effect whose remaining errors are estimated anew, for each of the two ways to weigh rows; and those that are fitted, of which
+/// one is enough beside effects that leave only noise.
 const SHORTLISTED: usize = 3;
 const FITTED: usize = 3;
 
@@ -66,6 +69,12 @@ const BETTER_START: f64 = 2.0;
 const SCANNED: usize = 8;
 const SCAN_LN: [f64; 6] = [-3.0, -1.5, -0.7, 0.7, 1.5, 3.0];
 const WORTH_A_FIT: f64 = 20.0;
+
+/// Laws that are also tried on top of the sets that are not among the best.
+const LAWS_ELSEWHERE: usize = 5;
+
+/// Scatter of temperatures that no column records, K: that of a thermostat, of a radiator, of a detector without either.
+const SCATTERS_K: [f64; 3] = [0.5, 1.5, 5.0];
 
 /// A law changes values by about this share, or by this many typical errors.
 const LAW_SHARE: f64 = 0.3;
@@ -99,6 +108,8 @@ struct Promise<'t> {
     /// Steps of the other parameters.
     steps: Vec<f64>,
     errors: Vec<Errors>,
+    /// value − model, to first order.
+    left: Vec<f64>,
 }
 
 /// A law of the measurement on top of a set.
@@ -109,6 +120,32 @@ pub(super) struct WithLaw {
     /// The effects beside it.
     pub beside: Vec<usize>,
     pub minus_2_ln_z: f64,
+    pub minus_2_ln_l: f64,
+    /// The errors with it, and what it leaves (value − model).
+    pub errors: Vec<Errors>,
+    pub left: Vec<f64>,
+}
+
+impl WithLaw {
+    /// As a formula to start from, if it is one.
+    pub fn suggestion(&self, minus_2_ln_l: f64) -> Option<Suggestion> {
+        let Law::Formula(law) = &self.law else { return None };
+        let step_yr = match law.argument {
+            Argument::Above(_, limit) => Some(limit),
+            _ => None,
+        };
+        let chi2 = [minus_2_ln_l, self.minus_2_ln_l];
+        Some(Suggestion { toml: law.toml(&self.values), chi2, is_law: true, is_fitted: true, step_yr })
+    }
+
+    /// For a verdict that names it.
+    pub fn reason(&self, beside: Vec<String>) -> Reason {
+        let target = match &self.law {
+            Law::Formula(law) => law.target(),
+            _ => "value".into(),
+        };
+        Reason::BetterLaw { target, expression: self.law.expression(), beside }
+    }
 }
 
 /// Everything that was fitted.
@@ -117,6 +154,21 @@ pub(super) struct Searched {
     pub sets: Vec<Explanation>,
     /// The best with a law, if there are any.
     pub law: Option<WithLaw>,
+    /// What each effect alone leaves to first order (value − model), by its index, and whether its strength is free; None if it changes
+    /// nothing.
+    pub alone: Vec<Option<(Vec<f64>, bool)>>,
+}
+
+impl Searched {
+    /// The mission as given, with its free keys fitted.
+    pub fn base(&self) -> &Explanation {
+        self.find(&[]).expect("it is fitted first")
+    }
+
+    /// The fit of a set.
+    pub fn find(&self, set: &[usize]) -> Option<&Explanation> {
+        self.sets.iter().find(|known| known.set() == set)
+    }
 }
 
 /// Sets of effects for some data.
@@ -130,6 +182,14 @@ pub(super) struct SetSearch<'a> {
 }
 
 impl SetSearch<'_> {
+    /// The mission as given, without a search.
+    ///
+    /// # Errors
+    /// If it has no value for a row.
+    pub fn base_alone(&self) -> Result<Searched, InputError> {
+        Ok(Searched { sets: vec![self.bases()?.remove(0)], law: None, alone: vec![None; self.hypotheses.len()] })
+    }
+
     /// The whole search.
     ///
     /// # Errors
@@ -139,6 +199,7 @@ impl SetSearch<'_> {
         let mut lines = self.bases()?;
         let base = lines[0].clone();
         let mut all = vec![base.clone()];
+        let mut alone: Vec<Option<(Vec<f64>, bool)>> = vec![None; self.hypotheses.len()];
         for size in 1..=MOST {
             let step = ["", "single effects", "two effects", "three effects"][size];
             if !self.fitter.case.work.allows(step) {
@@ -146,17 +207,26 @@ impl SetSearch<'_> {
             }
             (self.progress.stage)(step, lines.len() as u64);
             let mut children: Vec<Explanation> = Vec::new();
-            for line in &lines {
-                // Beside a smaller set that leaves only noise, another of as many effects as this line will have cannot be better.
+            for (place, line) in lines.iter().enumerate() {
+                // Beside a smaller set that leaves only noise, another of as many effects as this line will have cannot be better; nor is
+                // there more to find on top of another fit of the mission as given.
                 let is_explained = all.iter().any(|one| one.added.len() < size && self.is_noise(one));
-                if is_explained && line.minus_2_ln_z() > best(&lines) {
+                let is_found = size == 1 && children.iter().any(|one| self.is_noise(one));
+                if is_explained && line.minus_2_ln_z() > best(&lines) || is_found && place > 0 {
                     break;
                 }
                 let trials = self.trials(line);
                 let promises = self.promises(line, &trials);
+                if size == 1 {
+                    for promise in &promises {
+                        let is_free = promise.trial.strength != Strength::Fixed;
+                        alone[promise.trial.hypothesis].get_or_insert_with(|| (promise.left.clone(), is_free));
+                    }
+                }
                 let known =
                     |set: &[usize]| children.iter().find(|known| known.set() == set).map(|known| known.objective());
-                let found = self.fitted(line, &promises, &known);
+                let forms = if is_explained { 1 } else { FITTED };
+                let found = self.fitted(line, &promises, forms, &known);
                 children.extend(found);
                 if size == 1 {
                     children.extend(self.pairs(line, &trials));
@@ -178,7 +248,7 @@ impl SetSearch<'_> {
         let mut sets = self.refined(distinct(all));
         sets.sort_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()));
         let law = self.best_law(&base, &sets);
-        Ok(Searched { sets, law })
+        Ok(Searched { sets, law, alone })
     }
 
     /// 2 ln of the number of effects over their probability, and of the intervals of an event.
@@ -215,15 +285,41 @@ impl SetSearch<'_> {
             return Ok(vec![given]);
         }
         // Far from the data, what free parameters could explain looks like correlated errors or wrong rows, and they have no reason to
-        // move: least squares with the errors as quoted move them.
-        let options = fit::Options { scan: false, moments: false, ..fit::Options::default() };
-        let count = |_| self.fitter.case.work.count();
-        let squares = fit::fit_rows(&self.fitter.model, self.fitter.case.data, self.free, &options, &count, |_| true);
-        let other = squares.ok().and_then(|fit| from(fit.mission).ok());
+        // move: least squares move them.
+        let squares = self.least_squares(&self.fitter.model.mission, self.free);
+        let other = squares.and_then(|mission| from(mission).ok());
         let mut bases = vec![given];
         bases.extend(other.filter(|other| (other.objective() - bases[0].objective()).abs() > SAME));
         bases.sort_by(|a, b| a.objective().total_cmp(&b.objective()));
         Ok(bases)
+    }
+
+    /// A mission with keys at their values of least squares, with the errors as quoted: no row is wrong, and nothing is correlated.
+    fn least_squares(&self, mission: &Mission, keys: &[String]) -> Option<Mission> {
+        let options = fit::Options { scan: false, moments: false, ..fit::Options::default() };
+        let count = |_| self.fitter.case.work.count();
+        let model = self.fitter.model.like(mission);
+        fit::fit_rows(&model, self.fitter.case.data, keys, &options, &count, |_| true).ok().map(|fit| fit.mission)
+    }
+
+    /// A set from its values of least squares: rows that look wrong may be right at other values, where slopes without them never lead.
+    fn with_all_rows(&self, one: &Explanation) -> Option<Explanation> {
+        let is_wrong = |errors: &Errors| errors.right.iter().any(|right| *right < 0.5);
+        if !one.errors.iter().any(is_wrong) {
+            return None;
+        }
+        let moving = one.unknowns.iter().filter(|unknown| unknown.prior.is_some());
+        let keys: Vec<String> = moving.map(|unknown| unknown.parameter.key.clone()).collect();
+        let mission = self.least_squares(&one.mission, &keys)?;
+        let unknowns = one.unknowns.iter().map(|unknown| {
+            let parameter = Parameter::of(&mission, &unknown.parameter.key).ok()?;
+            Some(Unknown { parameter, prior: unknown.prior })
+        });
+        let unknowns = unknowns.collect::<Option<Vec<Unknown>>>()?;
+        let choices = self.choices_of(&one.added);
+        let start = Start { added: one.added.clone(), mission, unknowns, choices, known: self.nothing() };
+        let found = self.fitter.fit(&start, None, false).ok()?;
+        (found.objective() < one.objective()).then_some(found)
     }
 
     /// Every form of every effect on top of a set, evaluated once.
@@ -322,6 +418,7 @@ impl SetSearch<'_> {
                         strengths: strengths.to_vec(),
                         steps: steps.to_vec(),
                         errors: errors.clone(),
+                        left,
                     });
                 }
             }
@@ -334,6 +431,7 @@ impl SetSearch<'_> {
         &self,
         line: &Explanation,
         promises: &[Promise],
+        forms: usize,
         known: &dyn Fn(&[usize]) -> Option<f64>,
     ) -> Vec<Explanation> {
         let mut effects: Vec<Vec<&Promise>> = Vec::new();
@@ -353,13 +451,25 @@ impl SetSearch<'_> {
             is_better && (*place < BREADTH || effect[0].objective < last)
         });
         let wanted: Vec<Vec<&Promise>> = wanted.map(|(_, effect)| effect).collect();
-        let fits = parallel::map(wanted, |effect| self.fit_effect(line, &effect));
+        let fits = parallel::map(wanted, |effect| self.fit_effect(line, &effect[..effect.len().min(forms)]));
         fits.into_iter().flatten().collect()
     }
 
-    /// The fit of one effect from its best forms: roughly from each, the best two of them to the end.
+    /// The fit of a set that the search did not need: effects one by one on top of what is known.
+    pub fn fitted_set(&self, searched: &Searched, set: &[usize]) -> Option<Explanation> {
+        let (last, before) = set.split_last()?;
+        let parent = match searched.find(before) {
+            Some(known) => known.clone(),
+            None => self.fitted_set(searched, before)?,
+        };
+        let trials: Vec<Trial> = self.trials(&parent).into_iter().filter(|trial| trial.hypothesis == *last).collect();
+        let promises = self.promises(&parent, &trials);
+        self.fit_effect(&parent, &promises.iter().take(FITTED).collect::<Vec<_>>())
+    }
+
+    /// The fit of one effect from some of its forms: roughly from each, the best two of them to the end.
     fn fit_effect(&self, line: &Explanation, promises: &[&Promise]) -> Option<Explanation> {
-        let starts = promises.iter().take(FITTED).flat_map(|promise| {
+        let starts = promises.iter().flat_map(|promise| {
             let strengths: Vec<f64> = promise.strengths.iter().map(|strength| strength.clamp(0.03, FARTHEST)).collect();
             let own = vec![1.0; promise.strengths.len()];
             // Where the first order is wrong, its strength is as well.
@@ -560,10 +670,20 @@ impl SetSearch<'_> {
         sets.sort_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()));
         // Small sets first: larger ones start from them, and are named only if these are not enough.
         let near = best(&sets) + NEAR;
-        let mut wanted: Vec<usize> = (0..sets.len()).filter(|&place| sets[place].minus_2_ln_z() < near).collect();
+        // More than noise is not left to be found by an effect beside those that leave only that.
+        let explained: Vec<Vec<usize>> = sets.iter().filter(|one| self.is_noise(one)).map(Explanation::set).collect();
+        let is_idle = |set: &[usize]| {
+            explained.iter().any(|known| known.len() < set.len() && known.iter().all(|effect| set.contains(effect)))
+        };
+        let mut wanted: Vec<usize> = (0..sets.len())
+            .filter(|&place| sets[place].minus_2_ln_z() < near && !is_idle(&sets[place].set()))
+            .collect();
         wanted.sort_by_key(|&place| (sets[place].added.len(), place));
         wanted.truncate(SCANNED);
         for place in wanted {
+            if let Some(better) = self.with_all_rows(&sets[place]) {
+                sets[place] = better;
+            }
             sets[place] = self.scanned(&sets[place]);
         }
         sets
@@ -632,55 +752,62 @@ impl SetSearch<'_> {
         best.filter(|best| best.objective() < one.objective()).unwrap_or_else(|| one.clone())
     }
 
-    /// The best law of the measurement, on top of the base or of one of the best sets. Laws are linear: their evidence needs no
-    /// evaluation.
+    /// The best law of the measurement, on top of the base or of the best sets; the best laws there also on top of all others, since an
+    /// effect may be seen only beside a law. Laws are linear: their evidence needs no evaluation.
     fn best_law(&self, base: &Explanation, sets: &[Explanation]) -> Option<WithLaw> {
         (self.progress.stage)("laws of the measurement", 0);
-        let data = self.fitter.case.data;
-        let formulas: Vec<Formula> = laws(data).into_iter().chain(waves(data)).collect();
-        let mut lines: Vec<&Explanation> = sets.iter().take(LINES).collect();
+        let (first, rest) = sets.split_at(sets.len().min(LINES));
+        let mut lines: Vec<&Explanation> = first.iter().collect();
         if lines.iter().all(|line| !line.added.is_empty()) {
             lines.push(base);
         }
-        let of_line = |line: &&Explanation| {
-            let data = || self.fitter.case.data.iter();
-            let formulas = formulas.iter().map(|law| (Law::Formula(law.clone()), law.columns(data(), &line.model)));
-            let groups = groups_of_rows(self.fitter.case.data).into_iter();
-            let groups = groups.flat_map(|(name, members)| {
-                let of = |(_, rows): &Group| {
-                    let mut column = vec![0.0; line.model.len()];
-                    rows.iter().for_each(|&row| column[row] = line.model[row]);
-                    column
-                };
-                let added = |(_, rows): &Group| {
-                    let mut column = vec![0.0; line.model.len()];
-                    rows.iter().for_each(|&row| column[row] = 1.0);
-                    column
-                };
-                let one = |group: &Group| {
-                    let law = |multiplied| Law::Group { column: name.clone(), value: group.0.clone(), multiplied };
-                    [(law(true), vec![of(group)]), (law(false), vec![added(group)])]
-                };
-                let mut all: Vec<_> = members.iter().flat_map(one).collect();
-                if members.len() <= GROUPS {
-                    all.push((Law::Groups(name.clone()), members.iter().map(of).collect()));
-                }
-                all
-            });
-            let all: Vec<(Law, Vec<Vec<f64>>)> = formulas.chain(groups).collect();
-            let choices = 2.0 * (all.len().max(1) as f64 / LAWS).ln();
-            let found = parallel::map(all, |(law, columns)| self.with_law(line, law, &columns, choices));
-            found.into_iter().flatten().min_by(|a, b| a.minus_2_ln_z.total_cmp(&b.minus_2_ln_z))
-        };
-        lines.iter().filter_map(of_line).min_by(|a, b| a.minus_2_ln_z.total_cmp(&b.minus_2_ln_z))
+        let mut found: Vec<WithLaw> = lines.iter().flat_map(|line| self.laws_of(line, |_| true)).collect();
+        found.sort_by(|a, b| a.minus_2_ln_z.total_cmp(&b.minus_2_ln_z));
+        let best: Vec<String> = found.iter().take(LAWS_ELSEWHERE).map(|found| found.law.expression()).collect();
+        found.extend(rest.iter().flat_map(|line| self.laws_of(line, |law| best.contains(&law.expression()))));
+        found.into_iter().min_by(|a, b| a.minus_2_ln_z.total_cmp(&b.minus_2_ln_z))
+    }
+
+    /// Some laws on top of a set.
+    fn laws_of(&self, line: &Explanation, wanted: impl Fn(&Law) -> bool) -> Vec<WithLaw> {
+        let data = || self.fitter.case.data.iter();
+        let formulas = laws(self.fitter.case.data).into_iter();
+        let formulas = formulas.map(|law| (law.columns(data(), &line.model), Law::Formula(law)));
+        let groups = groups_of_rows(self.fitter.case.data).into_iter().flat_map(|(name, members)| {
+            let column = |(_, rows): &Group, of: &dyn Fn(usize) -> f64| {
+                let mut column = vec![0.0; line.model.len()];
+                rows.iter().for_each(|&row| column[row] = of(row));
+                column
+            };
+            let times = |group: &Group| column(group, &|row| line.model[row]);
+            let one = |group: &Group| {
+                let law = |multiplied| Law::Group { column: name.clone(), value: group.0.clone(), multiplied };
+                [(vec![times(group)], law(true)), (vec![column(group, &|_| 1.0)], law(false))]
+            };
+            let mut all: Vec<_> = members.iter().flat_map(one).collect();
+            if members.len() <= GROUPS {
+                all.push((members.iter().map(times).collect(), Law::Groups(name.clone())));
+            }
+            all
+        });
+        let mut all: Vec<(Vec<Vec<f64>>, Law)> = formulas.chain(groups).collect();
+        let temperatures = SCATTERS_K.map(Law::Temperatures);
+        if temperatures.iter().any(&wanted) {
+            let model = self.fitter.model.like(&line.mission);
+            let columns = unrecorded::per_kelvin(self.fitter.case, &model, &line.model);
+            all.extend(columns.iter().flat_map(|columns| temperatures.clone().map(|law| (columns.clone(), law))));
+        }
+        let choices = 2.0 * (all.len().max(1) as f64 / LAWS).ln();
+        let some: Vec<_> = all.into_iter().filter(|(_, law)| wanted(law)).collect();
+        parallel::map(some, |(columns, law)| self.with_law(line, law, &columns, choices))
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     /// Evidence of a set with a law; None if the free parameters do the same.
     fn with_law(&self, line: &Explanation, law: Law, columns: &[Vec<f64>], choices: f64) -> Option<WithLaw> {
-        let largest = |column: &[f64]| column.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-        let typical = largest(&line.model);
-        let widths: Vec<f64> =
-            columns.iter().map(|column| LAW_SHARE * typical / largest(column).max(f64::MIN_POSITIVE)).collect();
+        let widths = law.widths(columns, &line.model);
         let plain = self.plain(line);
         let mut best: Option<WithLaw> = None;
         for from in [&line.errors, &plain] {
@@ -699,10 +826,18 @@ impl SetSearch<'_> {
                 };
                 let price =
                     self.volume_with(line, &errors, columns, &widths) + choices + steps + self.choices_of(&line.added);
-                let fit = minus_2_ln_l(&errors);
-                let minus_2_ln_z = fit + problem.prior(&found) + priors + price;
+                let l = minus_2_ln_l(&errors);
+                let minus_2_ln_z = l + problem.prior(&found) + priors + price;
                 if best.as_ref().is_none_or(|best| minus_2_ln_z < best.minus_2_ln_z) {
-                    best = Some(WithLaw { law: law.clone(), values, beside: line.set(), minus_2_ln_z });
+                    best = Some(WithLaw {
+                        law: law.clone(),
+                        values,
+                        beside: line.set(),
+                        minus_2_ln_z,
+                        minus_2_ln_l: l,
+                        errors: errors.clone(),
+                        left,
+                    });
                 }
             }
         }
@@ -711,7 +846,7 @@ impl SetSearch<'_> {
                 let factors = law.factors(self.fitter.case.data.iter(), &line.model, &found.values);
                 !factors.is_empty() && factors.iter().all(|factor| factor.abs() > IN_PLACE)
             }
-            Law::Group { .. } | Law::Groups(_) => false,
+            Law::Group { .. } | Law::Groups(_) | Law::Temperatures(_) => false,
         };
         best.filter(|best| !multiplies_too_much(best))
     }
@@ -739,6 +874,8 @@ pub(super) enum Law {
     Group { column: String, value: String, multiplied: bool },
     /// For every word or value of a column.
     Groups(String),
+    /// A temperature of its own at every epoch, in files that do not record it, with this scatter in K.
+    Temperatures(f64),
 }
 
 impl Law {
@@ -749,7 +886,20 @@ impl Law {
             Law::Group { column, value, multiplied: true } => format!("value * (1 + a) where {column} is {value}"),
             Law::Group { column, value, multiplied: false } => format!("value + a where {column} is {value}"),
             Law::Groups(column) => format!("value * (1 + a), with another a for every {column}"),
+            Law::Temperatures(scatter_k) => {
+                format!("value at temperature_k + a, with another a for every t_yr, of some {scatter_k} K")
+            }
         }
+    }
+
+    /// Prior widths of its parameters.
+    fn widths(&self, columns: &[Vec<f64>], model: &[f64]) -> Vec<f64> {
+        if let Law::Temperatures(scatter_k) = self {
+            return vec![*scatter_k; columns.len()];
+        }
+        let largest = |column: &[f64]| column.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        let typical = largest(model);
+        columns.iter().map(|column| LAW_SHARE * typical / largest(column).max(f64::MIN_POSITIVE)).collect()
     }
 }
 
@@ -845,7 +995,7 @@ impl Linear {
         };
         let prior = |(index, unknown): (usize, &Unknown)| {
             let prior = unknown.prior.filter(|_| Some(index) != held)?;
-            Some((prior.mean - prior.coordinate(unknown.parameter.start), prior.width))
+            Some((prior.pull(prior.coordinate(unknown.parameter.start)), prior.width))
         };
         Linear {
             residuals: whitener.apply(&off),

@@ -10,11 +10,11 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::fitted_model::{Case, Node};
 use super::hypothesis::Trial;
-use crate::analysis::whitening::{LARGEST_CORRELATION, Whitening};
+use crate::analysis::whitening::Whitening;
 use crate::numeric::parallel;
 
 /// Simulations of noise.
@@ -32,9 +32,6 @@ pub(super) struct Noise {
     freedom: Vec<Option<f64>>,
 }
 
-/// Significance, in its errors, of a correlation that differs from 0.
-const CLEAR: f64 = 3.5;
-
 /// Excess of a file's chi2, in its standard deviations, from which its errors are taken as too small. The significance of effects
 /// is then computed with larger errors, so it costs little to do this in one of forty files whose errors are right.
 const BEYOND: f64 = 2.0;
@@ -44,11 +41,6 @@ impl Noise {
     pub(super) fn of(case: &Case) -> Noise {
         let freedom = case.data.iter().map(|set| set.shared.freedom).collect();
         Noise { scale: vec![1.0; case.data.len()], freedom }
-    }
-
-    /// Whether no error was estimated.
-    pub(super) fn is_as_quoted(&self) -> bool {
-        self.freedom.iter().all(Option::is_none)
     }
 
     /// The residual noise of a fitted model: larger than the errors if their excess is significant, and then as uncertain as its
@@ -88,20 +80,6 @@ impl Noise {
     }
 }
 
-/// Correlation of residuals of neighbouring pixels; 0 unless it is significantly positive.
-pub(super) fn correlation(case: &Case, residuals: &DVector<f64>) -> f64 {
-    let pairs = (0..case.n())
-        .filter_map(|row| case.before[row].filter(|(_, apart)| *apart == 1).map(|(before, _)| (before, row)));
-    let (mut product, mut squares, mut count) = (0.0, 0.0, 0.0);
-    for (a, b) in pairs {
-        product += residuals[a] * residuals[b];
-        squares += 0.5 * (residuals[a].powi(2) + residuals[b].powi(2));
-        count += 1.0;
-    }
-    let correlation = if squares > 0.0 { product / squares } else { 0.0 };
-    if correlation * f64::sqrt(count) > CLEAR { correlation.min(LARGEST_CORRELATION) } else { 0.0 }
-}
-
 /// The null distribution: what the whole search finds in noise.
 pub(super) struct Null {
     /// For each hypothesis the gains of its best trial, ascending.
@@ -110,8 +88,6 @@ pub(super) struct Null {
     freedom: Vec<f64>,
     /// Lowest p-value of all hypotheses in each simulation, ascending.
     least: Vec<f64>,
-    /// Mean and variance of chi2.
-    chi2: (f64, f64),
 }
 
 /// Correlations that stand for the error of an estimated one.
@@ -183,10 +159,7 @@ impl Null {
             let dimensions = trials.iter().map(Trial::dimensions).max().unwrap_or(1);
             (dimensions + usize::from(trials.len() > 2)) as f64
         });
-        let n = SIMULATIONS as f64;
-        let mean = simulated.iter().map(|(_, chi2)| chi2).sum::<f64>() / n;
-        let variance = simulated.iter().map(|(_, chi2)| (chi2 - mean).powi(2)).sum::<f64>() / n;
-        Null { freedom: freedom.collect(), gains, least, chi2: (mean, variance) }
+        Null { freedom: freedom.collect(), gains, least }
     }
 
     /// Probability that noise alone gains as much for one hypothesis with any of its trials.
@@ -229,11 +202,5 @@ impl Null {
             if self.false_alarm(hypothesis, middle) > level { low = middle } else { high = middle }
         }
         high
-    }
-
-    /// Probability of such a chi2 or a larger one from noise alone.
-    pub fn chi2_above(&self, chi2: f64) -> f64 {
-        let (mean, variance) = self.chi2;
-        Gamma::new(mean * mean / variance, mean / variance).map_or(1.0, |law| law.sf(chi2))
     }
 }

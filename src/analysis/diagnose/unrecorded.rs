@@ -5,6 +5,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::fitted_model::{Case, FLAT, Node};
 use super::result::Note;
+use crate::model::Model;
 use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
 use crate::physics::conditions::{Conditions, Stated, UnderMission};
@@ -25,32 +26,24 @@ const ROWS_OF_AN_EPOCH: usize = 4;
 /// Probability of a larger chi2 above which temperatures explain the data.
 const EXPLAINED: f64 = 1e-3;
 
-/// Change of the model per kelvin, in the files that do not record the temperature; None if it changes nothing.
-pub(super) fn per_kelvin(case: &Case, node: &Node) -> Option<Vec<f64>> {
-    let values = with_temperatures(case, node, &|_| STEP_K)?;
-    let change: Vec<f64> = values.iter().zip(&node.fit.values).map(|(warm, value)| (warm - value) / STEP_K).collect();
-    change.iter().any(|change| *change != 0.0).then_some(change)
-}
-
 /// Whether a temperature of its own for every epoch, with the free parameters, explains what no effect does.
 pub(super) fn temperatures(case: &Case, node: &Node) -> Option<Note> {
     let (epochs, epoch_of) = epochs(case);
     let freedom = case.n().checked_sub(epochs.len() + node.basis.ncols()).filter(|freedom| *freedom > 0)?;
     let explained = |chi2: f64, freedom: f64| ChiSquared::new(freedom).expect("above 0").sf(chi2) > EXPLAINED;
-    let few = epochs.len() < 2 || epochs.len() * ROWS_OF_AN_EPOCH > case.n();
-    if few || explained(node.chi2(), node.freedom()) {
+    if are_too_many(&epochs, case) || explained(node.chi2(), node.freedom()) {
         return None;
     }
     let off_sigma = |values: &[f64]| -> DVector<f64> {
         let off =
             case.values.iter().zip(values).zip(&case.sigmas).map(|((value, model), sigma)| (value - model) / sigma);
-        DVector::from_vec(case.whitening.residuals(&off.collect::<Vec<_>>()))
+        DVector::from_vec(case.whitening.linear(&off.collect::<Vec<_>>()))
     };
     let mut kelvin = vec![0.0; epochs.len()];
     let mut chi2 = f64::INFINITY;
     for _ in 0..ITERATIONS {
-        let here = with_temperatures(case, node, &|row| kelvin[epoch_of[row]])?;
-        let warmer = with_temperatures(case, node, &|row| kelvin[epoch_of[row]] + STEP_K)?;
+        let here = with_temperatures(case, &node.model, &|row| kelvin[epoch_of[row]])?;
+        let warmer = with_temperatures(case, &node.model, &|row| kelvin[epoch_of[row]] + STEP_K)?;
         let residuals = off_sigma(&here);
         let of_epoch = |epoch: usize| {
             let at = |row: usize| if epoch_of[row] == epoch { warmer[row] } else { here[row] };
@@ -71,6 +64,27 @@ pub(super) fn temperatures(case: &Case, node: &Node) -> Option<Note> {
     explained(chi2[1], freedom as f64).then_some(note)
 }
 
+/// Changes of all values with the temperature of each epoch, per kelvin; None if that changes nothing, or epochs have too few rows.
+pub(super) fn per_kelvin(case: &Case, model: &Model, here: &[f64]) -> Option<Vec<Vec<f64>>> {
+    let (epochs, epoch_of) = epochs(case);
+    if are_too_many(&epochs, case) {
+        return None;
+    }
+    let warmer = with_temperatures(case, model, &|_| STEP_K)?;
+    let change = |row: usize| (warmer[row] - here[row]) / STEP_K;
+    let of_epoch = |epoch: usize| -> Vec<f64> {
+        (0..case.n()).map(|row| if epoch_of[row] == epoch { change(row) } else { 0.0 }).collect()
+    };
+    let all: Vec<Vec<f64>> =
+        (0..epochs.len()).map(of_epoch).filter(|of| of.iter().any(|change| *change != 0.0)).collect();
+    (all.len() > 1).then_some(all)
+}
+
+/// Whether a temperature of their own would explain anything.
+fn are_too_many(epochs: &[f64], case: &Case) -> bool {
+    epochs.len() < 2 || epochs.len() * ROWS_OF_AN_EPOCH > case.n()
+}
+
 /// Epochs, ascending, and the place of each row's among them.
 fn epochs(case: &Case) -> (Vec<f64>, Vec<usize>) {
     let epochs = case.epochs_yr();
@@ -80,9 +94,9 @@ fn epochs(case: &Case) -> (Vec<f64>, Vec<usize>) {
 }
 
 /// Values with the temperature of rows changed, in files that do not record it; None if the model has no value.
-fn with_temperatures(case: &Case, node: &Node, kelvin: &dyn Fn(usize) -> f64) -> Option<Vec<f64>> {
+fn with_temperatures(case: &Case, model: &Model, kelvin: &dyn Fn(usize) -> f64) -> Option<Vec<f64>> {
     let at = |(row, question): (usize, &Question<Stated>)| -> Option<Conditions> {
-        let mut at = question.at.under(node.mission()).ok()?.into_owned();
+        let mut at = question.at.under(&model.mission).ok()?.into_owned();
         if !case.data[case.set_of[row]].varies_in(TEMPERATURE) {
             at.temperature_k += kelvin(row);
         }
@@ -93,7 +107,7 @@ fn with_temperatures(case: &Case, node: &Node, kelvin: &dyn Fn(usize) -> f64) ->
         let Question { observable, galaxy, species, .. } = *question;
         Question { observable, at, galaxy, species }
     });
-    let values = predict(&node.model, &questions.collect::<Vec<_>>()).ok()?;
+    let values = predict(model, &questions.collect::<Vec<_>>()).ok()?;
     case.work.count();
     values.iter().all(|value| value.is_finite()).then_some(values)
 }

@@ -12,30 +12,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Work {
     most: u64,
     done: AtomicU64,
-    /// Evaluations done before this round.
-    before: AtomicU64,
     undone: Mutex<Vec<String>>,
 }
 
 impl Work {
     pub fn of_at_most(most: u64) -> Work {
-        Work { most, done: AtomicU64::new(0), before: AtomicU64::new(0), undone: Mutex::default() }
-    }
-
-    /// A new round has the full budget; the steps omitted before are forgotten.
-    pub fn begin_round(&self) {
-        self.before.store(self.done(), Ordering::Relaxed);
-        self.undone.lock().expect("nobody panics").clear();
+        Work { most, done: AtomicU64::new(0), undone: Mutex::default() }
     }
 
     /// Counts one evaluation.
     pub fn count(&self) {
         self.done.fetch_add(1, Ordering::Relaxed);
-    }
-
-    /// Counts those of another search.
-    pub fn count_all_of(&self, other: &Work) {
-        self.done.fetch_add(other.done(), Ordering::Relaxed);
     }
 
     /// Evaluations so far.
@@ -45,7 +32,7 @@ impl Work {
 
     /// Whether a step of the search may begin; if not, it is recorded as omitted.
     pub fn allows(&self, step: &str) -> bool {
-        let allowed = self.done() - self.before.load(Ordering::Relaxed) < self.most;
+        let allowed = self.done() < self.most;
         let mut undone = self.undone.lock().expect("nobody panics");
         if !allowed && !undone.iter().any(|known| known == step) {
             undone.push(step.to_string());

@@ -4,13 +4,9 @@ use std::cell::RefCell;
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 use super::parameter::Parameter;
 use super::problem::{Optimum, Problem, chi2};
-use crate::error::InputError;
-use crate::mission::Mission;
 use crate::numeric::parallel;
 
 /// Maximum number of restarts of a minimisation.
@@ -43,38 +39,15 @@ fn rough_solver() -> LevenbergMarquardt<f64> {
 }
 
 impl Problem<'_> {
-    /// Missions near optima other than the one with this chi2, from random starting points.
-    pub(crate) fn elsewhere(&self, starts: usize, seed: u64, chi2: f64) -> Vec<Mission> {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let sketches = (0..starts).filter_map(|_| {
-            let start: Vec<f64> =
-                self.parameters.iter().map(|parameter| parameter.elsewhere(random.random())).collect();
-            let found = self.roughly(&start);
-            (found.chi2 < chi2 - 1.0).then(|| self.mission(&found.at).ok()).flatten()
-        });
-        sketches.collect()
-    }
-
-    /// The mission's own values.
-    pub(crate) fn start(&self) -> Optimum {
-        self.state(&self.here())
-    }
-
     fn state(&self, at: &[f64]) -> Optimum {
         let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
         Optimum { at: at.to_vec(), chi2 }
     }
 
-    /// A point near the optimum: a short minimisation from the mission's own values, with event epochs fixed. Derivatives with
-    /// respect to the first parameters may be known from a fit without the others.
-    pub(crate) fn approach(&self, known: &DMatrix<f64>) -> Optimum {
-        self.minimise_once(&self.here(), rough_solver(), known)
-    }
-
-    /// The same from a nearby point with fresh derivatives, repeated while it helps: updated derivatives become wrong over long
-    /// distances.
-    pub(crate) fn polish(&self, near: Optimum) -> Optimum {
-        let mut found = near;
+    /// chi2 near the optimum reached from the mission's own values, with fresh derivatives while they help: updated ones become wrong
+    /// over long distances.
+    pub(crate) fn sketched_chi2(&self) -> f64 {
+        let mut found = self.roughly(&self.here());
         for _ in 0..FRESH {
             let again = self.roughly(&found.at);
             let settled = again.chi2 > found.chi2 - helped(found.chi2);
@@ -85,13 +58,7 @@ impl Problem<'_> {
                 break;
             }
         }
-        found
-    }
-
-    /// A mission near the optimum, and its chi2: both steps, without known derivatives.
-    pub(crate) fn sketch(&self) -> Result<(Mission, f64), InputError> {
-        let found = self.polish(self.roughly(&self.here()));
-        Ok((self.mission(&found.at)?, found.chi2))
+        found.chi2
     }
 
     /// A point near the minimum reached from a start, with event epochs fixed.

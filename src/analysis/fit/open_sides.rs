@@ -93,5 +93,5 @@ fn chi2_held_at(
     let held = model.like(&fit.mission.with(&[(key.to_string(), value.into())])?);
     let others: Vec<String> =
         fit.parameters.iter().map(|fitted| fitted.key.clone()).filter(|other| other != key).collect();
-    Ok(Problem::new(&held, data, &others, progress, |_| true)?.sketch()?.1)
+    Ok(Problem::new(&held, data, &others, progress, |_| true)?.sketched_chi2())
 }

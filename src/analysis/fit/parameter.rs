@@ -20,6 +20,8 @@ pub struct Parameter {
     pub key: String,
     /// Unit of its values; empty for pure numbers.
     pub unit: &'static str,
+    /// Standard deviation of its values in nature over their mean; None if it is not known.
+    pub scatter: Option<f64>,
     /// Value in the mission.
     pub start: f64,
     /// Smallest value allowed.
@@ -84,7 +86,17 @@ impl Parameter {
         })?;
         let is_event_epoch = key.starts_with("effects.") && key.ends_with(".t_yr");
         let handle = Handle::of(mission, key);
-        Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_event_epoch, handle, scale })
+        Ok(Parameter {
+            key: key.to_string(),
+            unit: known.unit,
+            scatter: known.scatter,
+            start,
+            low,
+            high,
+            is_event_epoch,
+            handle,
+            scale,
+        })
     }
 
     /// The same parameter with bounds, just inside of them; the epoch of an event has derivatives there.

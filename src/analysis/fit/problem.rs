@@ -80,12 +80,6 @@ impl<'a> Problem<'a> {
         Ok(problem)
     }
 
-    /// The same problem without pedestals.
-    pub(crate) fn without_pedestals(mut self) -> Problem<'a> {
-        self.whitening.forget_pedestals();
-        self
-    }
-
     /// The mission with other values.
     ///
     /// # Errors
@@ -132,7 +126,7 @@ impl<'a> Problem<'a> {
             .zip(&self.sigmas)
             .map(|((value, model), sigma)| (value - model) / sigma)
             .collect();
-        let residuals = self.whitening.residuals(&residuals);
+        let residuals = self.whitening.linear(&residuals);
         (self.progress)(chi2(&residuals));
         Ok(residuals)
     }

@@ -8,6 +8,7 @@ use statrs::statistics::{Data, Median};
 use super::Errors;
 use crate::analysis::measurement::DataSet;
 use crate::numeric::minimum::golden_section;
+use crate::physics::observable::Observable;
 
 /// Prior probability that a row is wrong, ε, and how much wider wrong rows scatter, K: one row in twenty may be wrong, by some ten
 /// sigma.
@@ -30,6 +31,9 @@ const NEIGHBOURS: usize = 8;
 /// Prior probability that a file carries a constant, and the standard deviation of its prior, in median errors.
 const PEDESTAL: f64 = 0.3;
 const PEDESTAL_SIGMA: f64 = 3.0;
+
+/// The same probability for doses, which begin at zero when the instrument is launched: no more than for a row to be wrong.
+const PEDESTAL_OF_DOSES: f64 = WRONG;
 
 /// Rows of a file, and of all files, below which it may have no constant: it would be all that an effect does.
 const ROWS_FOR_PEDESTAL: usize = 4;
@@ -57,6 +61,8 @@ pub(super) struct File {
     common: DMatrix<f64>,
     without_pedestal: DMatrix<f64>,
     may_have_pedestal: bool,
+    /// Probability that it has one.
+    pedestal_probability: f64,
     /// The largest correlation of neighbours; 0 if they are too few.
     largest_correlation: f64,
 }
@@ -92,7 +98,17 @@ impl File {
         if may_have_pedestal {
             without_pedestal.column_mut(0).fill(0.0);
         }
-        File { rows: start..start + n, sigma, before, common, without_pedestal, may_have_pedestal, largest_correlation }
+        let pedestal_probability = if set.observable == Observable::Dose { PEDESTAL_OF_DOSES } else { PEDESTAL };
+        File {
+            rows: start..start + n,
+            sigma,
+            before,
+            common,
+            without_pedestal,
+            may_have_pedestal,
+            pedestal_probability,
+            largest_correlation,
+        }
     }
 
     fn common(&self, has_pedestal: bool) -> &DMatrix<f64> {
@@ -310,11 +326,27 @@ impl File {
             factor.map_or(f64::INFINITY, |factor| 2.0 * factor.l().diagonal().iter().map(|x| x.ln()).sum::<f64>())
         };
         let constant = match (self.may_have_pedestal, errors.has_pedestal) {
-            (true, true) => -2.0 * PEDESTAL.ln(),
-            (true, false) => -2.0 * (1.0 - PEDESTAL).ln(),
+            (true, true) => -2.0 * self.pedestal_probability.ln(),
+            (true, false) => -2.0 * (1.0 - self.pedestal_probability).ln(),
             _ => 0.0,
         };
         (0..z.len()).map(one).sum::<f64>() + priors + volume + constant
+    }
+
+    /// −2 ln of the prior probability of errors over that of errors as quoted: what they cost a model that needs them.
+    pub fn improbability(&self, errors: &Errors) -> f64 {
+        let wrong = errors.right.iter().map(|right| 1.0 - right).sum::<f64>();
+        let of_wrong = 2.0 * ((1.0 - WRONG) * WIDER / WRONG).ln();
+        let probability = self.pedestal_probability;
+        let constant = if errors.has_pedestal {
+            2.0 * ((1.0 - probability) / probability).ln() + errors.common[0].powi(2)
+        } else {
+            0.0
+        };
+        (errors.scale.ln() / SCALE_LN).powi(2)
+            + (errors.correlation / CORRELATION).powi(2)
+            + wrong * of_wrong
+            + constant
     }
 }
 

@@ -1,5 +1,6 @@
 //! A model compared with data: residuals, data set by data set, and their significant trends.
 
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::erf::erfc;
 
@@ -7,6 +8,7 @@ use super::residual_trend::Trend;
 use super::scatter::scatter;
 use crate::analysis::independence::Independence;
 use crate::analysis::measurement::DataSet;
+use crate::analysis::noise::SetNoise;
 use crate::analysis::whitening::Whitening;
 use crate::io::table::{Cell, Column, Datatype, Table};
 use crate::mission::Mission;
@@ -58,6 +60,17 @@ pub struct Validation {
     pub independence: Independence,
     /// Significant deviations of the model; empty if there are none.
     pub findings: Vec<Finding>,
+    /// The errors that are likeliest if the model is right; None if they were not asked for.
+    pub likeliest: Option<Likeliest>,
+}
+
+/// The errors of all files that are likeliest if a model is right.
+#[derive(Clone, Debug, Serialize)]
+pub struct Likeliest {
+    /// File by file.
+    pub noise: Vec<SetNoise>,
+    /// Sum of squared residuals with these errors.
+    pub chi2: f64,
 }
 
 /// One data set compared with the model.
@@ -123,7 +136,7 @@ impl SetResult {
 }
 
 fn residuals(data: &DataSet, model: &[f64]) -> Vec<f64> {
-    Whitening::of(std::slice::from_ref(data), |_| true).levelled(&off_sigma(data, model))
+    Whitening::of(std::slice::from_ref(data), |_| true).linear(&off_sigma(data, model))
 }
 
 fn off_sigma(data: &DataSet, model: &[f64]) -> Vec<f64> {

@@ -2,9 +2,11 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use crate::analysis::diagnose::noise::SetNoise;
-use crate::analysis::diagnose::{Changed, Covariate, Diagnosis, Limit, Next, Note, Reason, Rung, Step, Verdict};
+use crate::analysis::diagnose::{
+    Changed, Covariate, Diagnosis, Limit, Next, Note, Ranking, Reason, Rung, Step, Verdict,
+};
 use crate::analysis::fit::{Advice, Fitted};
+use crate::analysis::noise::SetNoise;
 use crate::effect::CATALOGUE;
 use crate::io::json;
 use crate::warning::Warning;
@@ -18,6 +20,7 @@ struct Document<'a> {
     steps: &'a [Step],
     alternatives: &'a [Vec<String>],
     covariates: &'a [Covariate],
+    ranking: Option<&'a Ranking>,
     next_measurement: Option<&'a Next>,
     parameters: Vec<Parameter<'a>>,
     tried: Vec<Attempt<'a>>,
@@ -76,6 +79,7 @@ impl Serialize for Diagnosis {
             steps: &self.steps,
             alternatives: &self.alternatives,
             covariates: &self.covariates,
+            ranking: self.ranking.as_ref(),
             next_measurement: self.next.as_ref(),
             parameters: self.parameters.iter().map(Parameter::of).collect(),
             tried: self.tried.iter().map(|tried| Attempt::of(&tried.effect, tried.chi2, &self.baseline)).collect(),

@@ -36,6 +36,12 @@ impl fmt::Display for Reason {
                 },
                 if *are_most { " that is most of what was measured" } else { " of their own" }
             ),
+            Reason::LackingOrErrors { effects, file } => write!(
+                out,
+                "the model lacks {}; or the errors of {file} are not as quoted (larger, correlated, or of rows that are wrong): these data do \
+                 not distinguish the two",
+                effects_listed(effects)
+            ),
             Reason::Unexplained { undone } if undone.is_empty() => {
                 out.write_str("no combination of the catalogue's effects explains the data to within their noise")
             }
@@ -84,23 +90,8 @@ impl fmt::Display for Reason {
                 "{file}: rows scatter by {factor:.1} times their quoted sigma, and the residuals follow no condition: the \
                  errors are too small, or something that no column records disturbs the data"
             ),
-            Reason::Undecided { effects, fall, chi2, n } => write!(
-                out,
-                "{n} rows do not decide whether {} is missing (chi2 lower by {fall:.0}) or their errors are too small: the model alone \
-                 leaves chi2 {chi2:.0}. Give more rows, or a reason to trust the errors",
-                effects_listed(effects)
-            ),
-            Reason::OddRows { rows, with } => odd_rows(out, rows, with),
         }
     }
-}
-
-fn odd_rows(out: &mut fmt::Formatter<'_>, rows: &[(RowPlace, f64)], with: &[String]) -> fmt::Result {
-    let each: Vec<String> = rows.iter().map(|(row, off)| format!("{row} ({off:+.1} sigma)")).collect();
-    let with = if with.is_empty() { String::new() } else { format!(" with {}", listed(with)) };
-    let (lies, it) = if rows.len() == 1 { ("lies", "it") } else { ("lie", "them") };
-    let each = listed(&each);
-    write!(out, "{each} {lies} off the model{with}, which explains all other rows: correct {it}, or leave {it} out")
 }
 
 /// `line 17 of trails.ecsv`
@@ -116,11 +107,6 @@ impl fmt::Display for RowPlace {
 impl fmt::Display for Note {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Note::NotConverged { rounds } => write!(
-                out,
-                "the errors of the data did not converge in {rounds} rounds: those estimated at the adopted model differ from those with which \
-                 it was found"
-            ),
             Note::CoarseReadout { shift_sigma } => write!(
                 out,
                 "the mission's own readout ([accuracy]) is off by up to {shift_sigma:.1} sigma from a finer one, which is used \
@@ -166,6 +152,16 @@ impl fmt::Display for Note {
                  doubted",
                 listed(keys)
             ),
+            Note::Nearest { effects, chi2: [before, after], n } => write!(
+                out,
+                "the best combination of effects, {}, lowers chi2 from {before:.1} to {after:.1} for {n} rows",
+                effects.join(" + ")
+            ),
+            Note::IfErrorsAreRight { effects, excess } => write!(
+                out,
+                "if the errors are as quoted and no row is wrong, {} may be missing as well (-2 ln Z {excess:+.1}, which does not decide)",
+                effects_listed(effects)
+            ),
             Note::NothingDetectable => out.write_str(
                 "no effect of the catalogue could have been detected with these data, of any strength: that the model explains them \
                  says little",
@@ -186,30 +182,12 @@ impl fmt::Display for Note {
                 "{effect} takes the place of {species}, whose density has gone to 0: perhaps it is that species, with another release time or \
                  energy level than the mission file says; free {species}.release_ms and {species}.energy_ev to see"
             ),
-            Note::InPlaceOfPedestals { effect, files, fall } => write!(
-                out,
-                "instead of a constant in {}, {effect} could be missing (chi2 lower by {fall:.0}): these data do not distinguish \
-                 the two",
-                listed(files)
-            ),
             Note::EpochTemperatures { epochs, range_k: [low, high], chi2: [without, with], n } => write!(
                 out,
                 "the temperature is not recorded epoch by epoch; one of its own for each of the {epochs} epochs, {low:+.1} to \
                  {high:+.1} K from the one assumed, would explain the data (chi2 {without:.0} -> {with:.0}, {n} rows): record it in a \
                  column temperature_k"
             ),
-            Note::SetAside { effect, instead_of, chi2, parameters } => {
-                let more = match parameters {
-                    0 => "as many parameters".to_string(),
-                    more if *more > 0 => format!("{} more", counted(*more as u64, "parameter")),
-                    fewer => format!("{} fewer", counted(-fewer as u64, "parameter")),
-                };
-                write!(
-                    out,
-                    "{effect} in place of {instead_of} is rejected: chi2 is larger by {chi2:.1}, with {more} (p-value below half of \
-                     --level)"
-                )
-            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use crate::analysis::diagnose::noise::SetNoise;
+use crate::analysis::noise::SetNoise;
 use crate::mission::keys::plain;
 
 #[derive(serde::Serialize)]
@@ -41,7 +41,7 @@ pub(super) fn words(noise: &SetNoise, unit: &str) -> Option<String> {
         said.push(format!("rows scatter by {:.2} times the quoted sigma; that is taken as their error", noise.scale));
     }
     if noise.correlation > 0.0 {
-        let of = "errors of neighbouring pixels of a trail are correlated";
+        let of = "errors of neighbours in a trail or a time series are correlated";
         said.push(format!("{of} by {}", plain((100.0 * noise.correlation).round() / 100.0)));
     }
     if let (Some(value), Some(sigma)) = (noise.pedestal, noise.pedestal_sigma) {
@@ -57,7 +57,7 @@ pub(super) fn words(noise: &SetNoise, unit: &str) -> Option<String> {
                 None => format!("row {} ({:+.0} sigma)", wrong.row + 1, wrong.off_sigma),
             })
             .collect();
-        said.push(format!("far from the rows around, and given a larger error: {}", each.join(", ")));
+        said.push(format!("far from the model, and given a larger error: {}", each.join(", ")));
     }
     (!said.is_empty()).then(|| format!("{}: {}.", noise.file, said.join("; ")))
 }
