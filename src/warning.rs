@@ -49,6 +49,15 @@ pub enum Warning {
         /// Time of all transfers, h.
         hours: f64,
     },
+    /// A row of a square frame is read faster than by any amplifier.
+    FastReadout {
+        /// Time between two transfers, ms.
+        line_time_ms: f64,
+        /// Number of parallel transfers, and so of pixels in a row of a square frame.
+        transfers: u32,
+        /// Pixels of that row per second, in millions.
+        mega_px_s: f64,
+    },
     /// All species release far too early or far too late to be noticed.
     NothingToNotice {
         /// The shortest and the longest release time, ms.
@@ -426,9 +435,16 @@ impl fmt::Display for Warning {
                 out,
                 "with readout.line_time_ms = {line_time_ms} a readout takes {hours:.1} h: is the line time in ms? (50000 us are 50 ms)"
             ),
+            Warning::FastReadout { line_time_ms, transfers, mega_px_s } => write!(
+                out,
+                "with readout.line_time_ms = {line_time_ms} a row of {transfers} pixels, as of a square frame, is read at {mega_px_s:.3e} \
+                 million pixels per second; CCDs are read at up to 30: is the line time in ms? (0.05 s are 50 ms)"
+            ),
             Warning::NothingToNotice { release_ms: (least, most), line_time_ms, readout_ms } => write!(
                 out,
-                "no species releases at a time that the readout notices, between the line time of {line_time_ms} ms and the                  {readout_ms:.3e} ms of all transfers: their release times are {least:.2e} to {most:.2e} ms; are line time and release                  times in ms?"
+                "no species releases at a time that the readout notices, between the line time of {line_time_ms} ms and the \
+                 {readout_ms:.3e} ms of all transfers: their release times are {least:.2e} to {most:.2e} ms; are line time and release \
+                 times in ms?"
             ),
             Warning::FarFromReference {
                 species,

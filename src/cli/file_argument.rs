@@ -182,11 +182,15 @@ impl<'a> Files<'a> {
                 // Figures of other formats stay.
                 Written::Into(..) => !figures(path, &Format::ALL) || figures(path, &self.formats),
             };
-            output
-                .there()
-                .iter()
-                .filter(|path| replaced(path))
-                .try_for_each(|path| atomic_file::refuse_existing(path))?;
+            let remedy = |error: InputError| match output {
+                Written::Into(..) if error.help.is_some() => {
+                    error.with_help("give another folder, or --overwrite: it replaces files of the same names alone")
+                }
+                _ => error,
+            };
+            let mut there = output.there();
+            there.retain(replaced);
+            there.iter().try_for_each(|path| atomic_file::refuse_existing(path)).map_err(remedy)?;
         }
         Ok(())
     }

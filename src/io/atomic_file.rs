@@ -274,6 +274,8 @@ pub fn refusal(path: &Path) -> impl Fn(std::io::Error) -> InputError {
 /// If it cannot be created.
 pub fn folder(path: impl AsRef<Path>) -> Result<(), InputError> {
     fs::create_dir_all(&path).map_err(|error| {
-        InputError::new(format!("cannot make the folder `{}`", path.as_ref().display()), error.to_string())
+        let is_file = path.as_ref().is_file();
+        let problem = if is_file { "this is a file, not a folder".into() } else { error.to_string() };
+        InputError::new(format!("cannot make the folder `{}`", path.as_ref().display()), problem)
     })
 }

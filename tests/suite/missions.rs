@@ -63,6 +63,7 @@ fn times_that_do_not_go_together_are_named() {
         let times = [("Ci", 250.0), ("VV", 12.15), ("CO", 5000.0)];
         times.map(|(name, ms)| (format!("detector.traps.{name}.release_ms"), factor * ms))
     };
+    let line_s: &[(&str, f64)] = &[("readout.line_time_ms", 0.025)];
     let line_us: &[(&str, f64)] = &[("readout.line_time_ms", 25_000.0)];
     let slow = species(1e6);
     let slow: Vec<(&str, f64)> = slow.iter().map(|(key, value)| (key.as_str(), *value)).collect();
@@ -71,6 +72,10 @@ fn times_that_do_not_go_together_are_named() {
     let reference: &[(&str, f64)] = &[("detector.reference_temperature_k", 100.0)];
     let hot: &[(&str, f64)] = &[("detector.temperature_k", 188.0)];
     for (settings, said) in [
+        (
+            line_s,
+            "with readout.line_time_ms = 0.025 a row of 1650 pixels, as of a square frame, is read at 6.600e1 million",
+        ),
         (line_us, "with readout.line_time_ms = 25000 a readout takes 11.5 h"),
         (&slow, "no species releases at a time that the readout notices"),
         (&fast, "no species releases at a time that the readout notices"),
@@ -81,7 +86,7 @@ fn times_that_do_not_go_together_are_named() {
         assert!(found.iter().any(|warning| warning.contains(said)), "{settings:?}: {found:?}");
     }
     for settings in [&[][..], &[("readout.line_time_ms", 100.0)], &[("detector.temperature_k", 137.0)]] {
-        let doubted = ["a readout takes", "no species releases", "reference_temperature_k"];
+        let doubted = ["a readout takes", "a row of", "no species releases", "reference_temperature_k"];
         let found = warnings(settings);
         assert!(!found.iter().any(|warning| doubted.iter().any(|said| warning.contains(said))), "{found:?}");
     }

@@ -11,6 +11,10 @@ use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
 /// Time of a readout (ms) above which the line time is doubted: an hour. Full frames of slow cameras take some minutes.
 const LONG_READOUT_MS: f64 = 3.6e6;
 
+/// Pixels per second that the fastest amplifiers of CCDs read, those with electron multiplication, in millions. The detector's columns are
+/// not known: a frame as wide as the transfers are many stands for it.
+const FASTEST_MEGA_PX_S: f64 = 30.0;
+
 /// Factor beyond the line time and the readout at which a release time has no effect: a trap that is emptied in a hundredth of a
 /// line time, or by one percent in a whole readout, trails less than that share of its charge.
 const FAR: f64 = 100.0;
@@ -42,6 +46,11 @@ pub(super) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     }
     if readout_ms > LONG_READOUT_MS {
         warnings.push(Warning::LongReadout { line_time_ms: line_ms, hours: readout_ms / LONG_READOUT_MS });
+    }
+    let mega_px_s = 1e-3 * f64::from(mission.readout.transfers) / line_ms;
+    if mega_px_s > FASTEST_MEGA_PX_S {
+        let transfers = mission.readout.transfers;
+        warnings.push(Warning::FastReadout { line_time_ms: line_ms, transfers, mega_px_s });
     }
     let unnoticed =
         |species: &&SpeciesState| species.release_ms < line_ms / FAR || species.release_ms > FAR * readout_ms;
