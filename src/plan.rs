@@ -4,6 +4,7 @@
 pub mod assessment;
 pub mod catalogue;
 pub mod compliance;
+pub mod curve;
 pub mod date_distribution;
 pub mod dose;
 pub mod draws;
@@ -13,8 +14,7 @@ pub mod mission_sample;
 pub mod noise;
 pub mod population;
 pub mod progress;
-pub mod requirement;
 pub mod scenario;
 pub mod sources;
 pub mod time_series;
-pub mod timeline;
+pub mod verdict;

@@ -33,7 +33,7 @@ use serde::Serialize;
 
 use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
-use crate::plan::requirement::Crossing;
+use crate::plan::curve::Crossing;
 
 /// Output format of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -437,7 +437,7 @@ impl fmt::Display for Warning {
             ),
             Warning::FastReadout { line_time_ms, transfers, mega_px_s } => write!(
                 out,
-                "with readout.line_time_ms = {line_time_ms} a row of {transfers} pixels, as of a square frame, is read at {mega_px_s:.3e} \
+                "with readout.line_time_ms = {line_time_ms} a row of {transfers} pixels, as of a square frame, is read at {mega_px_s:.0} \
                  million pixels per second; CCDs are read at up to 30: is the line time in ms? (0.05 s are 50 ms)"
             ),
             Warning::NothingToNotice { release_ms: (least, most), line_time_ms, readout_ms } => write!(

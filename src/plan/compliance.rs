@@ -4,10 +4,10 @@ use chrono::NaiveDate;
 use serde::Serialize;
 
 use crate::numeric::calendar::date_after;
+use crate::plan::curve::Crossing;
 use crate::plan::date_distribution::{DateDistribution, Dates, LimitDates};
 use crate::plan::evaluate::Evaluation;
 use crate::plan::population::BiasVerdict;
-use crate::plan::requirement::Crossing;
 
 /// A requirement, and whether it is met until the end of the mission.
 #[derive(Clone, Debug, PartialEq, Serialize)]

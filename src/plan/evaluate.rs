@@ -1,22 +1,19 @@
-//! The chain: mission → dose → traps → readout → shapes → verdict.
+//! The chain: mission → dose → traps → readout → shapes → verdict, with noise and population if requested.
 
 pub(crate) mod json;
 mod time_scales;
-
-use chrono::NaiveDate;
 
 use crate::error::InputError;
 use crate::mission::{Galaxy, Mission, ReadoutMethod, TrapsAtStart};
 use crate::model::noise::Realisations;
 use crate::model::{Model, Scene};
-use crate::numeric::calendar::date_after;
 use crate::numeric::parallel;
-use crate::physics::SpeciesState;
 use crate::physics::accuracy::SHOWS_IN_SHAPES;
-use crate::physics::shape::ShapeChange;
+use crate::plan::curve::year_ends;
 use crate::plan::noise::NoisyEvaluation;
 use crate::plan::population::PopulationBias;
-use crate::plan::requirement::{Crossing, Point, resolved};
+pub use crate::plan::verdict::{BudgetVerdict, Year};
+use crate::plan::verdict::{verdict, year};
 use crate::warning::Warning;
 
 /// All results from a mission to its verdict.
@@ -36,41 +33,13 @@ pub struct Evaluation {
     pub warnings: Vec<Warning>,
 }
 
-/// State at one time.
-#[derive(Clone, Debug)]
-pub struct Year {
-    /// Years since launch.
-    pub t_yr: f64,
-    /// The day; None past the end of the calendar.
-    pub date: Option<NaiveDate>,
-    /// Dose since launch as measured by its monitor, MeV/g.
-    pub dose_mev_g: f64,
-    /// Traps.
-    pub traps: Vec<SpeciesState>,
-    /// Mean change of each galaxy's shape, in the mission's order. None if no shape is left to measure.
-    pub galaxies: Vec<Option<ShapeChange>>,
-}
-
-/// When the budget is exceeded, and the rate of the change.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BudgetVerdict {
-    /// Without software correction.
-    pub uncorrected: Crossing,
-    /// With it.
-    pub corrected: Crossing,
-    /// d|Δe|/dt just after launch, per year.
-    pub rate_at_launch_per_yr: Option<f64>,
-    /// |Δe| at the end of the mission over its duration, per year.
-    pub mean_rate_per_yr: Option<f64>,
-}
-
 impl Evaluation {
     /// The same with the noise of one exposure.
     ///
     /// # Errors
     /// If a formula has no value.
     pub fn with_noise(self, realisations: Realisations) -> Result<Evaluation, InputError> {
-        let noise = NoisyEvaluation::of(&self, realisations)?;
+        let noise = NoisyEvaluation::of(&self.model, &self.years, &self.verdict, realisations)?;
         Ok(Evaluation { noise, ..self })
     }
 
@@ -93,83 +62,6 @@ impl Evaluation {
         self.years.last().expect("a mission has an end")
     }
 }
-
-/// State at a time (years since launch).
-fn year(model: &Model, t_yr: f64) -> Result<Year, InputError> {
-    let device = model.device_at(t_yr)?;
-    let galaxies = parallel::try_map(0..model.mission.galaxies.len(), |galaxy| model.change_by(galaxy, &device))?;
-    Ok(Year {
-        t_yr,
-        date: date_after(model.mission.mission.launch.0, t_yr),
-        dose_mev_g: device.dose_mev_g()?,
-        galaxies,
-        traps: device.traps,
-    })
-}
-
-/// |Δe| of the judged galaxy at a time (years since launch); None if the shape is lost.
-fn magnitude(model: &Model, t_yr: f64) -> Result<Option<f64>, InputError> {
-    Ok(model.change(model.judged(), t_yr)?.map(|change| change.magnitude()))
-}
-
-/// When |Δe| of the judged galaxy crosses limits, each located with as few readouts as possible; `known` points are reused.
-pub(crate) fn crossings<const N: usize>(
-    model: &Model,
-    limits: [f64; N],
-    known: &[Point],
-) -> Result<[Crossing; N], InputError> {
-    crossings_of(model, limits, known, |t_yr| magnitude(model, t_yr))
-}
-
-/// When a quantity of a model crosses limits, as in [`crossings`]: it must be smooth between the model's times.
-pub(crate) fn crossings_of<const N: usize>(
-    model: &Model,
-    limits: [f64; N],
-    known: &[Point],
-    magnitude: impl Fn(f64) -> Result<Option<f64>, InputError> + Sync,
-) -> Result<[Crossing; N], InputError> {
-    let mut times = model.times_yr(model.mission.mission.duration_yr);
-    times.retain(|t_yr| known.iter().all(|known| known.0 != *t_yr));
-    let mut points: Vec<Point> = parallel::try_map(times, |t_yr| Ok((t_yr, magnitude(t_yr)?)))?;
-    points.extend(known);
-    points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let resolved = resolved(&points, &limits, &magnitude)?;
-    let found = limits.map(|limit| resolved.crossing(limit, &magnitude));
-    let found: Vec<Crossing> = found.into_iter().collect::<Result<_, _>>()?;
-    Ok(found.try_into().expect("as many crossings as limits"))
-}
-
-/// d|Δe|/dt just after launch, per year; None if no shape is left.
-pub(crate) fn rate_at_launch_per_yr(model: &Model) -> Result<Option<f64>, InputError> {
-    let just_after_yr = JUST_AFTER * model.mission.mission.duration_yr;
-    let (launch, later) = (magnitude(model, 0.0)?, magnitude(model, just_after_yr)?);
-    Ok(later.zip(launch).map(|(later, launch)| (later - launch) / just_after_yr))
-}
-
-/// Mean of d|Δe|/dt over the mission, per year, from |Δe| at its end; None if no shape is left at launch or then. Changes by traps
-/// present at launch and by the amplifier are not part of the rate.
-pub(crate) fn mean_rate_per_yr(model: &Model, at_end: Option<f64>) -> Result<Option<f64>, InputError> {
-    let at_launch = magnitude(model, 0.0)?;
-    Ok(at_end.zip(at_launch).map(|(end, launch)| (end - launch) / model.mission.mission.duration_yr))
-}
-
-/// Judges the requirement; `years` (ascending) are reused.
-fn verdict(model: &Model, years: &[Year]) -> Result<BudgetVerdict, InputError> {
-    let magnitude = |year: &Year| year.galaxies[model.judged()].map(|change| change.magnitude());
-    let known: Vec<Point> = years.iter().map(|year| (year.t_yr, magnitude(year))).collect();
-    let limits = model.mission.requirement.limits();
-    let [uncorrected, corrected] = crossings(model, limits, &known)?;
-    Ok(BudgetVerdict {
-        uncorrected,
-        corrected,
-        rate_at_launch_per_yr: rate_at_launch_per_yr(model)?,
-        mean_rate_per_yr: mean_rate_per_yr(model, known.last().and_then(|end| end.1))?,
-    })
-}
-
-/// Share of the mission over which the rate at launch is measured: long enough for the accuracy of shapes, too short for the curve
-/// to bend.
-const JUST_AFTER: f64 = 1e-3;
 
 /// Evaluates a mission.
 ///
@@ -194,15 +86,6 @@ pub(crate) fn evaluated(model: Model) -> Result<Evaluation, InputError> {
     let rough = verdict.corrected.rough_yr.map(|interval_yr| Warning::RoughShape { interval_yr });
     let warnings = warnings(&model)?.into_iter().chain(rough).collect();
     Ok(Evaluation { model, years, verdict, noise: None, population: None, warnings })
-}
-
-/// Ends of the years of a mission, and its end.
-pub(crate) fn year_ends(duration_yr: f64) -> Vec<f64> {
-    let mut ends: Vec<f64> = (1..=duration_yr.floor() as usize).map(|year| year as f64).collect();
-    if duration_yr.fract() > 0.0 {
-        ends.push(duration_yr);
-    }
-    ends
 }
 
 pub(crate) fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {

@@ -11,10 +11,9 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::numeric::calendar::date_after;
+use crate::plan::curve::{Crossing, Curve};
 use crate::plan::date_distribution::{Confidence, DateDistribution};
 use crate::plan::population::{BiasVerdict, PopulationBias};
-use crate::plan::requirement::Crossing;
-use crate::plan::timeline::Timeline;
 
 /// The quantity limited by a budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -118,8 +117,8 @@ impl Judgement {
     ///
     /// # Errors
     /// As [`Judgement::of`].
-    pub fn along(model: &Model, timeline: &Timeline, confidence: Option<Confidence>) -> Result<Judgement, InputError> {
-        let of_galaxy = model.mission.requirement.limits().map(|limit| timeline.crossing(limit));
+    pub fn along(model: &Model, curve: &Curve, confidence: Option<Confidence>) -> Result<Judgement, InputError> {
+        let of_galaxy = model.mission.requirement.limits().map(|limit| curve.crossing(limit));
         Judgement::of(model, of_galaxy, confidence)
     }
 

@@ -6,11 +6,11 @@
 //! realised in years before as well.
 
 use crate::error::InputError;
-use crate::model::Device;
 use crate::model::noise::{NoiseTerm, Realisations};
+use crate::model::{Device, Model};
 use crate::physics::shape::ShapeChange;
-use crate::plan::evaluate::{Evaluation, crossings_of};
-use crate::plan::requirement::{Crossing, Point};
+use crate::plan::curve::{self, Crossing, Point};
+use crate::plan::verdict::{BudgetVerdict, Year};
 
 /// Maximum number of times at which noise is realised.
 const TIMES: usize = 8;
@@ -73,26 +73,30 @@ struct Realised {
 }
 
 impl NoisyEvaluation {
-    /// The effect of noise on an evaluation. None without realisations.
+    /// The effect of noise on the shapes of these years, and on the dates of this verdict. None without realisations.
     ///
     /// # Errors
     /// If a formula has no value.
-    pub fn of(evaluation: &Evaluation, realisations: Realisations) -> Result<Option<NoisyEvaluation>, InputError> {
+    pub fn of(
+        model: &Model,
+        years: &[Year],
+        verdict: &BudgetVerdict,
+        realisations: Realisations,
+    ) -> Result<Option<NoisyEvaluation>, InputError> {
         if realisations.count == 0 {
             return Ok(None);
         }
-        let model = &evaluation.model;
-        let realised = realised(evaluation, realisations)?;
-        let years = evaluation.years.iter().map(|year| {
+        let realised = realised(model, years, verdict, realisations)?;
+        let shapes = years.iter().map(|year| {
             let device = model.device_at(year.t_yr)?;
             let shape = |(galaxy, change): (usize, &Option<ShapeChange>)| {
                 Some(NoisyShape::of(change.as_ref()?, &term(&realised, galaxy, &device)?))
             };
             Ok(year.galaxies.iter().enumerate().map(shape).collect())
         });
-        let years = years.collect::<Result<Vec<Vec<_>>, InputError>>()?;
-        let verdict = verdict(evaluation, &years, &realised)?;
-        Ok(Some(NoisyEvaluation { realisations, years, verdict }))
+        let shapes = shapes.collect::<Result<Vec<Vec<_>>, InputError>>()?;
+        let verdict = noisy_verdict(model, years, verdict, &shapes, &realised)?;
+        Ok(Some(NoisyEvaluation { realisations, years: shapes, verdict }))
     }
 }
 
@@ -125,8 +129,12 @@ pub fn others(judged: u32) -> u32 {
 
 /// Noise of all galaxies at the end of the mission, in those years (evenly chosen) whose traps differ from all of these by more than
 /// their number, and on dates with fewer traps. While no shape of the judged galaxy is left, earlier years follow.
-fn realised(evaluation: &Evaluation, realisations: Realisations) -> Result<Vec<Realised>, InputError> {
-    let Evaluation { model, years, verdict, .. } = evaluation;
+fn realised(
+    model: &Model,
+    years: &[Year],
+    verdict: &BudgetVerdict,
+    realisations: Realisations,
+) -> Result<Vec<Realised>, InputError> {
     let judged = model.judged();
     let mut found: Vec<Realised> = Vec::new();
     let of_years = years.iter().rev().step_by(years.len().div_ceil(TIMES)).map(|year| (year.t_yr, 0.0));
@@ -170,12 +178,13 @@ fn term(realised: &[Realised], galaxy: usize, device: &Device) -> Option<NoiseTe
 }
 
 /// When |Δe| of the judged galaxy with noise exceeds the budget.
-fn verdict(
-    evaluation: &Evaluation,
-    years: &[Vec<Option<NoisyShape>>],
+fn noisy_verdict(
+    model: &Model,
+    years: &[Year],
+    without: &BudgetVerdict,
+    noisy: &[Vec<Option<NoisyShape>>],
     realised: &[Realised],
 ) -> Result<NoisyVerdict, InputError> {
-    let model = &evaluation.model;
     let judged = model.judged();
     let shape = |t_yr: f64| -> Result<Option<NoisyShape>, InputError> {
         let device = model.device_at(t_yr)?;
@@ -184,11 +193,10 @@ fn verdict(
     };
     let magnitude = |t_yr: f64| Ok(shape(t_yr)?.map(|shape| shape.magnitude()));
     let of_year = |shapes: &Vec<Option<NoisyShape>>| shapes[judged].map(|shape| shape.magnitude());
-    let known = evaluation.years.iter().zip(years).map(|(year, shapes)| (year.t_yr, of_year(shapes)));
+    let known = years.iter().zip(noisy).map(|(year, shapes)| (year.t_yr, of_year(shapes)));
     let known: Vec<Point> = known.collect();
-    let without = &evaluation.verdict;
     let [uncorrected, corrected] =
-        crossings_of(model, [without.uncorrected.limit, without.corrected.limit], &known, magnitude)?;
+        curve::crossings(model, [without.uncorrected.limit, without.corrected.limit], &known, magnitude)?;
     let noisy = |crossing: Crossing, without: &Crossing| -> Result<NoisyCrossing, InputError> {
         let error_yr = crossing.t_yr.map_or(Ok(None), |t_yr| error_yr(t_yr, shape))?;
         let earlier_yr = without.t_yr.zip(crossing.t_yr).map(|(without, with)| without - with);

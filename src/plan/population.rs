@@ -23,8 +23,7 @@ use crate::model::noise::Realisations;
 use crate::model::shear::{ShearResponse, SurveyMeasurement, TrailedResponse, of_many};
 use crate::model::{Device, Model};
 use crate::numeric::parallel;
-use crate::plan::evaluate::{crossings_of, year_ends};
-use crate::plan::requirement::{Crossing, Point};
+use crate::plan::curve::{Crossing, Point, crossings, year_ends};
 pub use sample::Camera;
 use sample::{Member, spread};
 
@@ -437,7 +436,7 @@ impl Biases<'_> {
         let known: Vec<Point> = years.iter().map(|(t_yr, bias)| (*t_yr, Some(of(bias)))).collect();
         let limits = [limit, limit * self.model.mission.requirement.correction_factor];
         let magnitude = |t_yr: f64| Ok(Some(of(&self.at(t_yr)?)));
-        let [uncorrected, corrected] = crossings_of(self.model, limits, &known, magnitude)?;
+        let [uncorrected, corrected] = crossings(self.model, limits, &known, magnitude)?;
         Ok(BiasVerdict { limit, uncorrected, corrected })
     }
 }

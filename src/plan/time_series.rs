@@ -3,7 +3,7 @@
 use crate::error::InputError;
 use crate::model::{Device, Model};
 use crate::numeric::calendar::decimal_year;
-use crate::plan::timeline::Timeline;
+use crate::plan::curve::Curve;
 
 /// A mission's dose, traps and shapes over time. All lists have the length of that of the times.
 #[derive(Clone, Debug)]
@@ -25,9 +25,9 @@ impl TimeSeries {
     /// If a formula has no value.
     pub fn of(model: &Model) -> Result<TimeSeries, InputError> {
         let galaxies = 0..model.mission.galaxies.len();
-        let timelines: Vec<Timeline> =
-            galaxies.map(|galaxy| Timeline::of_galaxy(model, galaxy, |_| {})).collect::<Result<_, _>>()?;
-        let times: Vec<f64> = timelines[0].points.iter().map(|point| point.0).collect();
+        let curves: Vec<Curve> =
+            galaxies.map(|galaxy| Curve::of_galaxy(model, galaxy, |_| {})).collect::<Result<_, _>>()?;
+        let times: Vec<f64> = curves[0].points.iter().map(|point| point.0).collect();
         let devices = times.iter().map(|t_yr| model.device_at(*t_yr)).collect::<Result<Vec<_>, _>>()?;
         let species = devices[0].traps.iter().enumerate().map(|(index, species)| {
             let density = devices.iter().map(|device| device.traps[index].density_per_px);
@@ -38,9 +38,9 @@ impl TimeSeries {
             year: times.iter().map(|t_yr| launch + t_yr).collect(),
             dose_mev_g: devices.iter().map(Device::dose_mev_g).collect::<Result<_, _>>()?,
             traps_per_px: species.collect(),
-            delta_e: timelines
+            delta_e: curves
                 .iter()
-                .map(|timeline| times.iter().map(|t_yr| timeline.at(*t_yr).unwrap_or(f64::NAN)).collect())
+                .map(|curve| times.iter().map(|t_yr| curve.at(*t_yr).unwrap_or(f64::NAN)).collect())
                 .collect(),
         })
     }

@@ -21,10 +21,10 @@ use crate::model::Model;
 use crate::numeric::parallel;
 use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
+use crate::plan::curve::Curve;
 use crate::plan::date_distribution::Confidence;
 use crate::plan::judgement::{JudgedRow, Judgement, Limited};
 use crate::plan::scenario::{Merit, Ranking};
-use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
 /// Default range of line times on either side of the mission's own, as a factor, and their number.
@@ -195,7 +195,7 @@ fn judged(
     }
     let mission = model.mission.with(&[("readout.line_time_ms".into(), line_time_ms.into())])?;
     let model = model.like(&mission);
-    let judgement = Judgement::along(&model, &Timeline::of(&model)?, confidence)?;
+    let judgement = Judgement::along(&model, &Curve::of(&model)?, confidence)?;
     let probability = confidence.map(|asked| asked.probability);
     let row = JudgedRow::of(&judgement, mission.mission.launch.0, probability);
     Ok(Some((row, Merit::of(&judgement, probability, delta_e))))
@@ -230,7 +230,8 @@ impl Comparison {
             if most == 0.0 {
                 return Ok(None);
             }
-            Ok(Timeline::under(model, |at| at.line_time_ms = line_time_ms)?.date(uncorrected))
+            let curve = Curve::under(model, |at| at.line_time_ms = line_time_ms)?;
+            Ok(curve.crossing(uncorrected).date(mission.mission.launch.0))
         };
         let own_cost = Cost::of(mission, mission.readout.line_time_ms);
         let areas = line_times.iter().enumerate().filter(|(_, one)| one.keeps(corrected));

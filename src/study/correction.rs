@@ -29,7 +29,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::numeric::parallel;
 use crate::physics::shape::ShapeChange;
-use crate::plan::timeline::Timeline;
+use crate::plan::curve::Curve;
 use crate::warning::Warning;
 
 pub use knowledge::Knowledge;
@@ -102,7 +102,7 @@ pub struct Remainder {
     /// Factor assumed by the mission.
     pub assumed_factor: f64,
     /// |Δe| over the mission, uncorrected.
-    pub timeline: Timeline,
+    pub curve: Curve,
 }
 
 /// Why a correction is imperfect.
@@ -204,9 +204,9 @@ impl Correction {
             causes.push(Left::new(Cause::Noise(read_noise_e), None, Some(value), Some(error), uncorrected));
         }
         let requirement = &mission.requirement;
-        let timeline = Timeline::of(model)?;
-        let earned = together
-            .map(|together| Earned::of(earned_factor(uncorrected, together, noise), &timeline, requirement.delta_e));
+        let curve = Curve::of(model)?;
+        let earned =
+            together.map(|together| Earned::of(earned_factor(uncorrected, together, noise), &curve, &model.mission));
         Ok(Remainder {
             uncorrected_delta_e: uncorrected,
             causes,
@@ -214,7 +214,7 @@ impl Correction {
             earned,
             needed_factor: uncorrected / requirement.delta_e,
             assumed_factor: requirement.correction_factor,
-            timeline,
+            curve,
         })
     }
 }
@@ -280,11 +280,11 @@ fn earned_factor(uncorrected: f64, together: Estimate, noise: Option<Estimate>) 
 
 impl Earned {
     /// From a factor with an error: the dates for one error less and one more give the error of the date.
-    fn of(factor: Estimate, timeline: &Timeline, budget: f64) -> Earned {
+    fn of(factor: Estimate, curve: &Curve, mission: &Mission) -> Earned {
+        let date = |factor: f64| curve.crossing(mission.requirement.delta_e * factor).date(mission.mission.launch.0);
         let removed =
             Estimate { value: 100.0 * (1.0 - 1.0 / factor.value), error: 100.0 * factor.error / factor.value.powi(2) };
-        let [low, own, high] =
-            [-1.0, 0.0, 1.0].map(|errors| timeline.date(budget * (factor.value + errors * factor.error)));
+        let [low, own, high] = [-1.0, 0.0, 1.0].map(|errors| date(factor.value + errors * factor.error));
         let ends = low.zip(high.or(own)).filter(|_| own.is_some());
         Earned {
             factor,

@@ -20,7 +20,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::numeric::parallel;
-use crate::plan::timeline::Timeline;
+use crate::plan::curve::Curve;
 use crate::warning::Warning;
 
 /// Nodes of the mean over the detector.
@@ -161,13 +161,14 @@ impl Distances {
 
     /// Results for these distances, given |Δe| of the farthest; None if these are the farthest.
     fn place(&self, model: &Model, farthest: Option<Option<f64>>) -> Result<Place, InputError> {
-        let timelines = parallel::try_map(&self.transfers, |transfers| {
-            Timeline::under(model, |at| at.transfers = transfers.round() as u32)
+        let curves = parallel::try_map(&self.transfers, |transfers| {
+            Curve::under(model, |at| at.transfers = transfers.round() as u32)
         })?;
-        let timeline = Timeline::weighted(&timelines, &self.weights);
-        let delta_e = timeline.end();
+        let curve = Curve::weighted(&curves, &self.weights);
+        let delta_e = curve.end();
         let over = delta_e.zip(farthest.unwrap_or(delta_e)).filter(|(_, farthest)| *farthest > 0.0);
-        let [uncorrected, corrected] = budgets(&model.mission);
+        let date = |budget: f64| curve.crossing(budget).date(model.mission.mission.launch.0);
+        let [exceeded_date, corrected_date] = budgets(&model.mission).map(date);
         Ok(Place {
             name: self.name.clone(),
             mean_transfers: self
@@ -178,8 +179,8 @@ impl Distances {
                 .sum(),
             delta_e,
             over_farthest: over.map(|(end, farthest)| end / farthest),
-            exceeded_date: timeline.date(uncorrected),
-            corrected_date: timeline.date(corrected),
+            exceeded_date,
+            corrected_date,
         })
     }
 }

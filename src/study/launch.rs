@@ -11,10 +11,10 @@ use crate::error::InputError;
 use crate::mission::{Date, Mission};
 use crate::model::Model;
 use crate::numeric::{parallel, range};
+use crate::plan::curve::Curve;
 use crate::plan::date_distribution::Confidence;
 use crate::plan::judgement::{JudgedRow, Judgement};
 use crate::plan::scenario::{Merit, Ranking, sun};
-use crate::plan::timeline::Timeline;
 use crate::warning::{self, Warning};
 
 /// Default range of launch dates in years, and the step in months.
@@ -110,17 +110,17 @@ impl Launched {
         let mission = model.mission.with(&[("mission.launch".into(), date.into())])?;
         let model = model.like(&mission);
         advance();
-        let timeline = Timeline::of(&model)?;
+        let curve = Curve::of(&model)?;
         let duration_yr = mission.mission.duration_yr;
-        let judgement = Judgement::along(&model, &timeline, confidence)?;
+        let judgement = Judgement::along(&model, &curve, confidence)?;
         let probability = confidence.map(|asked| asked.probability);
         Ok(Launched {
             launch,
             active_yr: model.history().active_years(duration_yr),
             dose_mev_g: model.dose_mev_g(duration_yr)?,
-            delta_e: timeline.end(),
+            delta_e: curve.end(),
             judged: JudgedRow::of(&judgement, launch, probability),
-            merit: Merit::of(&judgement, probability, timeline.end()),
+            merit: Merit::of(&judgement, probability, curve.end()),
             dose_model: sun::model(&mission),
             warnings: model.history().warnings(duration_yr),
         })

@@ -17,7 +17,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::numeric::parallel;
-use crate::plan::timeline::Timeline;
+use crate::plan::curve::Curve;
 use crate::warning::Warning;
 
 /// Options of the study.
@@ -90,22 +90,24 @@ impl Study for Preflash {
 
 impl Level {
     fn of(model: &Model, exposure: &Exposure, electrons: f64) -> Result<Level, InputError> {
-        let timeline = Timeline::under(model, |at| at.background_e += electrons)?;
+        let curve = Curve::under(model, |at| at.background_e += electrons)?;
         let mut at = model.conditions(model.mission.mission.duration_yr);
         at.background_e += electrons;
         let change = model.change_by(0, &model.device(&at)?)?;
         let snr = exposure.snr(electrons);
-        let [uncorrected, corrected] = budgets(&model.mission);
+        let crossings = budgets(&model.mission).map(|budget| curve.crossing(budget));
+        let [exceeded_date, corrected_date] =
+            crossings.each_ref().map(|found| found.date(model.mission.mission.launch.0));
         Ok(Level {
             electrons,
-            delta_e: timeline.end(),
+            delta_e: curve.end(),
             flux_loss_percent: change.map(|change| 100.0 * -change.delta_flux),
             snr,
             snr_loss_percent: 100.0 * (1.0 - snr / exposure.snr(0.0)),
             area_equal_depth: exposure.area_equal_depth(electrons, exposure),
-            exceeded_date: timeline.date(uncorrected),
-            corrected_date: timeline.date(corrected),
-            lasts: [uncorrected, corrected].map(|budget| timeline.crossing(budget).t_yr.is_none()),
+            exceeded_date,
+            corrected_date,
+            lasts: crossings.map(|found| found.t_yr.is_none()),
         })
     }
 }

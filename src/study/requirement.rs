@@ -21,9 +21,9 @@ use crate::model::Model;
 use crate::numeric::parallel;
 use crate::numeric::root_finding;
 use crate::physics::conditions::Conditions;
+use crate::plan::curve::Curve;
 use crate::plan::date_distribution::Confidence;
 use crate::plan::draws::input::Shield;
-use crate::plan::timeline::Timeline;
 use crate::study::launch::Launch;
 use crate::warning::Warning;
 
@@ -234,7 +234,7 @@ fn own(model: &Model, shield_g_cm2: Option<f64>) -> Result<Own, InputError> {
     let mission = &model.mission;
     let end_yr = mission.mission.duration_yr;
     let dose_mev_g = model.dose_mev_g(end_yr)?;
-    let largest = largest(&Timeline::of(model)?);
+    let largest = largest(&Curve::of(model)?);
     Ok(Own {
         delta_e: Some(largest).filter(|largest| largest.is_finite()),
         dose_mev_g,
@@ -247,13 +247,13 @@ fn own(model: &Model, shield_g_cm2: Option<f64>) -> Result<Own, InputError> {
 }
 
 /// Largest |Δe| of a mission; infinite if a shape is lost.
-fn largest(timeline: &Timeline) -> f64 {
-    timeline.points.iter().map(|point| point.1.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
+fn largest(curve: &Curve) -> f64 {
+    curve.points.iter().map(|point| point.1.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
 }
 
 /// Relative amount by which a mission exceeds a limit on |Δe|, at most 1.
 fn excess(model: &Model, limit: f64) -> Result<f64, InputError> {
-    Ok((largest(&Timeline::of(model)?) / limit - 1.0).min(1.0))
+    Ok((largest(&Curve::of(model)?) / limit - 1.0).min(1.0))
 }
 
 /// The mission with its dose multiplied by a factor.
@@ -293,7 +293,7 @@ fn factor(
 /// Maximum number of transfers within a limit on |Δe|, up to those of the largest detector.
 fn transfers(model: &Model, limit: f64) -> Result<Bound, InputError> {
     let exceeds = |transfers: u32| -> Result<bool, InputError> {
-        Ok(largest(&Timeline::under(model, |at| at.transfers = transfers)?) > limit)
+        Ok(largest(&Curve::under(model, |at| at.transfers = transfers)?) > limit)
     };
     if exceeds(1)? {
         return Ok(Bound::None);

@@ -17,10 +17,10 @@ use crate::mission::{DoseModel, Mission, Shielding as Shield};
 use crate::model::Model;
 use crate::numeric::parallel;
 use crate::numeric::root_finding;
+use crate::plan::curve::Curve;
 use crate::plan::date_distribution::Confidence;
 use crate::plan::judgement::{JudgedRow, Judgement};
 use crate::plan::scenario::{Merit, Ranking};
-use crate::plan::timeline::Timeline;
 use crate::warning::{Warning, together};
 
 /// Shields that are compared.
@@ -209,13 +209,13 @@ impl Shielding {
             advance();
             let mission = behind(&model.mission, geometry, thickness_mm, model.mission.environment.confidence);
             let model = model.like(&mission);
-            let timeline = Timeline::of(&model)?;
-            let judgement = Judgement::along(&model, &timeline, Some(required))?;
+            let curve = Curve::of(&model)?;
+            let judgement = Judgement::along(&model, &curve, Some(required))?;
             Ok(Drawn {
                 geometry,
                 thickness_mm,
                 judged: JudgedRow::of(&judgement, mission.mission.launch.0, Some(required.probability)),
-                merit: Merit::of(&judgement, Some(required.probability), timeline.end()),
+                merit: Merit::of(&judgement, Some(required.probability), curve.end()),
             })
         })
     }
@@ -225,14 +225,14 @@ impl Case {
     fn of(model: &Model, geometry: Geometry, thickness_mm: f64, confidence: f64) -> Result<Case, InputError> {
         let mission = behind(&model.mission, geometry, thickness_mm, confidence);
         let model = model.like(&mission);
-        let timeline = Timeline::of(&model)?;
-        let judgement = Judgement::along(&model, &timeline, None)?;
+        let curve = Curve::of(&model)?;
+        let judgement = Judgement::along(&model, &curve, None)?;
         Ok(Case {
             geometry,
             thickness_mm,
             confidence,
             dose_mev_g: model.dose_mev_g(mission.mission.duration_yr)?,
-            delta_e: timeline.end(),
+            delta_e: curve.end(),
             judged: JudgedRow::of(&judgement, mission.mission.launch.0, None),
             margin: judgement.used().map(|used| 1.0 - used / mission.requirement.correction_factor),
             warnings: model.history().warnings(mission.mission.duration_yr),

@@ -15,8 +15,9 @@ use crate::model::{Device, Model};
 use crate::physics::accuracy::Purpose;
 use crate::physics::shape::ShapeChange;
 use crate::plan::date_distribution::Confidence;
-use crate::plan::evaluate::{crossings, mean_rate_per_yr, rate_at_launch_per_yr, unmeasurable, warnings};
+use crate::plan::evaluate::{unmeasurable, warnings};
 use crate::plan::judgement::{Budget, Judgement, Limited};
+use crate::plan::verdict::{crossings, mean_rate_per_yr, rate_at_launch_per_yr};
 
 /// Models whose images are kept for others with the same galaxies.
 const KEPT: usize = 32;

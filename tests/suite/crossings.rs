@@ -4,7 +4,7 @@
 use ctiplan::evaluate;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
-use ctiplan::plan::requirement::Crossing;
+use ctiplan::plan::curve::Crossing;
 use ctiplan::study::Study;
 use ctiplan::study::launch::Launch;
 use rand::{RngExt, SeedableRng};

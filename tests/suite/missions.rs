@@ -72,10 +72,7 @@ fn times_that_do_not_go_together_are_named() {
     let reference: &[(&str, f64)] = &[("detector.reference_temperature_k", 100.0)];
     let hot: &[(&str, f64)] = &[("detector.temperature_k", 188.0)];
     for (settings, said) in [
-        (
-            line_s,
-            "with readout.line_time_ms = 0.025 a row of 1650 pixels, as of a square frame, is read at 6.600e1 million",
-        ),
+        (line_s, "with readout.line_time_ms = 0.025 a row of 1650 pixels, as of a square frame, is read at 66 million"),
         (line_us, "with readout.line_time_ms = 25000 a readout takes 11.5 h"),
         (&slow, "no species releases at a time that the readout notices"),
         (&fast, "no species releases at a time that the readout notices"),

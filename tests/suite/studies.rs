@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 
 use ctiplan::mission::Mission;
 use ctiplan::model::{Beside, Model};
-use ctiplan::plan::requirement::Crossing;
+use ctiplan::plan::curve::Crossing;
 use ctiplan::plan::scenario::{Axis, Candidate, Criterion, Ranking, Scenario, compare};
 use ctiplan::readout::Downstream;
 use ctiplan::report::Report;

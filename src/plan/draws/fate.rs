@@ -3,8 +3,8 @@
 use crate::error::InputError;
 use crate::model::Model;
 use crate::physics::shape::ShapeChange;
+use crate::plan::curve::{Curve, Point};
 use crate::plan::population::TrapLimits;
-use crate::plan::requirement::{Point, crossing};
 
 /// The result of one draw.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,10 +57,11 @@ impl Fate {
         for point in points.iter_mut().filter(|point| point.1.is_some_and(near)) {
             point.1 = magnitude(point.0)?;
         }
-        let first = |limit: f64| Ok(crossing(limit, &points, magnitude)?.t_yr);
+        let curve = Curve::through(points);
+        let first = |limit: f64| Ok(curve.crossing_of(limit, magnitude)?.t_yr);
         let sun_mev_g = sun_mev_g(model, end_yr)?;
         Ok(Fate {
-            delta_e: points.iter().find(|point| point.0 == end_yr).and_then(|end| end.1),
+            delta_e: curve.points.iter().find(|point| point.0 == end_yr).and_then(|end| end.1),
             exceeded_yr: [first(limits[0])?, first(limits[1])?],
             sun_mev_g,
             biases_exceeded_yr,
@@ -94,9 +95,10 @@ fn biases_exceeded_yr(
         Ok::<_, InputError>(Some(traps.iter().map(|species| species.density_per_px).sum()))
     };
     let points = times.iter().map(|t_yr| Ok((*t_yr, traps(*t_yr)?))).collect::<Result<Vec<Point>, InputError>>()?;
+    let curve = Curve::through(points);
     let mut found = [[None; 2]; 2];
     for (found, limit) in found.as_flattened_mut().iter_mut().zip(limits.as_flattened()) {
-        *found = if limit.is_finite() { crossing(*limit, &points, traps)?.t_yr } else { None };
+        *found = if limit.is_finite() { curve.crossing_of(*limit, traps)?.t_yr } else { None };
     }
     Ok(found)
 }

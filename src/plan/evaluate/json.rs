@@ -10,8 +10,8 @@ use crate::io::json;
 use crate::mission::Mission;
 use crate::physics::SpeciesState;
 use crate::physics::shape::ShapeChange;
+use crate::plan::curve::Crossing;
 use crate::plan::noise::{self, NoisyCrossing, NoisyShape, NoisyVerdict};
-use crate::plan::requirement::Crossing;
 use crate::warning::Warning;
 
 #[derive(serde::Serialize)]

@@ -2,9 +2,9 @@
 
 use crate::mission::keys::plain;
 use crate::numeric::calendar::{DAYS_PER_YEAR, date_after};
+use crate::plan::curve::Crossing;
 use crate::plan::evaluate::Evaluation;
 use crate::plan::noise::{NoisyCrossing, NoisyEvaluation};
-use crate::plan::requirement::Crossing;
 use crate::report::Parts;
 
 /// The judged galaxy with noise, and the dates with noise.

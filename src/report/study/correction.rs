@@ -84,7 +84,7 @@ fn causes(causes: &[Left]) -> DataTable {
 }
 
 fn figure(remainder: &Remainder, earned: &Earned, mission: &Mission) -> Figure {
-    let points = &remainder.timeline.points;
+    let points = &remainder.curve.points;
     let x: Vec<f64> = points.iter().map(|point| point.0).collect();
     let curve = |factor: f64| -> Vec<f64> {
         points.iter().map(|point| point.1.map_or(f64::NAN, |delta_e| delta_e / factor)).collect()
@@ -126,7 +126,8 @@ fn describe(report: &mut StudyReport, remainder: &Remainder, earned: &Earned, mi
         plus_minus(earned.factor),
         plus_minus(earned.removed_percent)
     ));
-    let date = |factor: f64| when(remainder.timeline.date(mission.requirement.delta_e * factor));
+    let launch = mission.mission.launch.0;
+    let date = |factor: f64| when(remainder.curve.crossing(mission.requirement.delta_e * factor).date(launch));
     report.find(format!(
         "Budget: {} without correction, {} with the assumed factor, {} with the achieved factor.",
         date(1.0),

@@ -3,8 +3,8 @@
 use chrono::NaiveDate;
 
 use crate::mission::{Mission, Population};
+use crate::plan::curve::Crossing;
 use crate::plan::population::{BiasVerdict, PopulationBias, ShearBias};
-use crate::plan::requirement::Crossing;
 
 #[derive(serde::Serialize)]
 pub(super) struct Document<'a> {
