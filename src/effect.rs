@@ -22,6 +22,7 @@ mod prelaunch_traps;
 mod reach;
 mod release_continuum;
 mod reverse_annealing;
+mod sacrificial_charge;
 mod serial_traps;
 mod signal_bounce;
 mod signal_ringing;
@@ -48,7 +49,7 @@ use crate::readout::{Clock, Cloud};
 pub use reach::Reach;
 
 /// All effects, in the order of the physics.
-pub static CATALOGUE: [Entry; 23] = [
+pub static CATALOGUE: [Entry; 24] = [
     entry::<solar_cycle::SolarCycle>(),
     entry::<cycle::Cycle>(),
     entry::<solar_flare::SolarFlare>(),
@@ -58,6 +59,7 @@ pub static CATALOGUE: [Entry; 23] = [
     entry::<annealing::Annealing>(),
     entry::<reverse_annealing::ReverseAnnealing>(),
     entry::<bakeout::Bakeout>(),
+    entry::<sacrificial_charge::SacrificialCharge>(),
     entry::<extra_species::ExtraSpecies>(),
     entry::<release_continuum::ReleaseContinuum>(),
     entry::<finite_capture::FiniteCapture>(),

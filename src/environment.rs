@@ -10,6 +10,7 @@
 pub mod cosmic_rays;
 pub mod esp;
 pub mod material;
+pub mod observed_sun;
 pub mod proton;
 pub mod secondaries;
 pub mod shielding;

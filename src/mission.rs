@@ -7,11 +7,14 @@ mod orbit;
 mod shielding;
 
 use std::fmt;
+use std::sync::Arc;
 
 use chrono::NaiveDate;
+use ctiplan_magnetosphere::Elements;
 use serde::{Deserialize, Serialize};
 
 use crate::environment::Niel;
+use crate::environment::observed_sun::Record;
 use crate::environment::spectrum::Spectrum;
 pub use clock::{ClockProblem, PhaseClock};
 pub use orbit::{Header, Orbit, OrbitElements, OrbitKind};
@@ -77,6 +80,10 @@ pub struct Imported {
     pub temperatures: Vec<(f64, f64)>,
     /// `population.table`: galaxies.
     pub galaxies: Vec<PopulationGalaxy>,
+    /// `environment.solar_events`, with the events of the program.
+    pub solar_events: Option<Arc<Record>>,
+    /// `orbit.history`: the elements, each with its time in years since launch, ascending.
+    pub orbits: Vec<(f64, Elements)>,
     /// A drawn realisation of the Sun: years since launch, ascending, and dose of solar protons since launch (MeV/g, before
     /// `environment.dose_factor`). It replaces all solar protons of the environment.
     pub sun: Option<Vec<(f64, f64)>>,
@@ -121,6 +128,13 @@ pub struct Environment {
     /// Active years of the mission, in place of those of the calendar.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub active_years: Option<f64>,
+    /// The Sun in the past; see [`SunOfThePast`].
+    pub sun: SunOfThePast,
+    /// File of solar events that continue those of the program, or replace them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solar_events: Option<String>,
+    /// Dose of helium and heavier nuclei of cosmic rays relative to that of the protons.
+    pub nuclei_over_protons: f64,
     /// Phase of the solar cycle at which trapped protons and cosmic rays are fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solar_phase: Option<SolarPhase>,
@@ -146,6 +160,16 @@ impl Environment {
         let default = if self.model == DoseModel::Derived { Accumulate::Mission } else { Accumulate::Yearly };
         self.accumulate.unwrap_or(default)
     }
+}
+
+/// The Sun at times that were observed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SunOfThePast {
+    /// As at all other times: a quantile, or drawn.
+    Drawn,
+    /// As it was: solar proton events, modulation of cosmic rays, sunspot number.
+    Observed,
 }
 
 /// A phase of the solar cycle.

@@ -104,7 +104,7 @@ impl Model {
         let within = |t_yr: &f64| *t_yr > 0.0 && *t_yr <= duration_yr;
         let jumps = self.history.steps.iter().map(|(t_yr, _)| *t_yr).chain(self.damage.losses_yr());
         let mut times = vec![0.0, duration_yr];
-        times.extend(self.history.changes_yr(duration_yr));
+        times.extend(self.history.bends_yr(duration_yr));
         times.extend(self.history.turns_yr(duration_yr));
         let warmings = self.mission.imported.temperatures.iter().map(|(t_yr, _)| *t_yr);
         let jumps = jumps.chain(warmings);

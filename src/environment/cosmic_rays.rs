@@ -12,6 +12,7 @@
 //! φ = 0.44 GV reproduces the CREME-96 spectrum of the minimum of 1977 to 10 % between 0.1 and 5 GeV.
 
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 use super::SECONDS_PER_YEAR;
 use super::spectrum::Spectrum;
@@ -25,12 +26,14 @@ pub const MODULATION_GV: (f64, f64) = (0.40, 0.85);
 /// Smallest and largest modulation (GV) of five solar minima, and of five maxima, 1954 to 2000: Usoskin et al. 2005.
 pub const MODULATION_RANGES_GV: [(f64, f64); 2] = [(0.30, 0.45), (0.70, 1.10)];
 
-/// Dose of helium and heavier nuclei relative to that of the protons: 0.5 to 1, an estimate of this project from their share of the
-/// flux (12 % helium, 1 % heavier) and damage proportional to the square of their charge.
-pub const NUCLEI_OVER_PROTONS: f64 = 0.75;
-
 /// Range of energies (MeV) of the spectrum.
 const ENERGIES_MEV: (f64, f64) = (1.0, 1e5);
+
+/// Rigidity (GV) of a proton of an energy (MeV).
+pub(super) fn rigidity_gv(energy_mev: f64) -> f64 {
+    let energy = energy_mev / 1000.0;
+    (energy * (energy + 2.0 * REST_GEV)).sqrt()
+}
 
 /// Flux of protons of an energy (MeV) at a modulation (GV), per m² s sr GeV.
 pub fn flux_m2_s_sr_gev(energy_mev: f64, modulation_gv: f64) -> f64 {
@@ -46,6 +49,22 @@ pub fn flux_m2_s_sr_gev(energy_mev: f64, modulation_gv: f64) -> f64 {
 pub fn modulation_gv(phase: f64) -> f64 {
     let (minimum, maximum) = MODULATION_GV;
     0.5 * (minimum + maximum) - 0.5 * (maximum - minimum) * (2.0 * PI * phase).cos()
+}
+
+/// Energy (MeV) above which protons of cosmic rays are counted in their rate: those that cross a spacecraft and make showers in it.
+const COUNTED_MEV: f64 = 1000.0;
+
+/// Rate of cosmic rays at a modulation (GV), over that at the mean of a cycle: protons above 1 GeV.
+pub fn relative_rate(modulation_gv: f64) -> f64 {
+    const STEP_GV: f64 = 0.05;
+    static RATES: LazyLock<Vec<f64>> = LazyLock::new(|| {
+        let rate = |modulation_gv: f64| yearly(modulation_gv).above(COUNTED_MEV);
+        let mean = rate(0.5 * (MODULATION_GV.0 + MODULATION_GV.1));
+        (0..=60).map(|step| rate(STEP_GV * f64::from(step)) / mean).collect()
+    });
+    let place = (modulation_gv / STEP_GV).clamp(0.0, (RATES.len() - 2) as f64);
+    let (before, share) = (place.floor() as usize, place.fract());
+    RATES[before] + share * (RATES[before + 1] - RATES[before])
 }
 
 /// Omnidirectional fluence of a year at a modulation (GV), cm⁻².
@@ -81,6 +100,15 @@ mod tests {
         let (minimum, maximum) = MODULATION_GV;
         let inside = |value: f64, (least, greatest): (f64, f64)| value > least && value < greatest;
         assert!(inside(minimum, MODULATION_RANGES_GV[0]) && inside(maximum, MODULATION_RANGES_GV[1]));
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_spectrum() {
+        assert!((relative_rate(0.625) - 1.0).abs() < 1e-3);
+        for modulation_gv in [0.262, 0.4, 0.91, 1.5] {
+            let exact = yearly(modulation_gv).above(1000.0) / yearly(0.625).above(1000.0);
+            assert!((relative_rate(modulation_gv) / exact - 1.0).abs() < 2e-3, "{modulation_gv}");
+        }
     }
 
     #[test]

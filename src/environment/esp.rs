@@ -67,6 +67,11 @@ pub fn fluence_at(z: f64, active_years: f64) -> Spectrum {
     })
 }
 
+/// Mean fluence of an active year, cm⁻².
+pub fn mean() -> Spectrum {
+    spectrum(|yearly| yearly.mean_cm2)
+}
+
 /// Fluence of an active year above an energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Yearly {

@@ -188,6 +188,12 @@ impl SolarEvents {
         SunSample { active_years, confidence, events }
     }
 
+    /// Deviation of the calibration of a satellite (by its number) in a sample, in standard deviations.
+    pub fn calibration(&self, index: usize, satellite: usize) -> f64 {
+        let deviations = StandardNormal.sample_iter(self.random(index as u64, Draw::Calibration));
+        deviations.skip(satellite).next().expect("endless")
+    }
+
     /// Active and quiet time of a sample.
     fn calendar(&self, index: u64) -> Calendar {
         self.sun.drawn(self.duration_yr, &mut self.random(index, Draw::Cycles))
@@ -219,6 +225,7 @@ enum Draw {
     Cycles,
     ActiveEvents,
     QuietEvents,
+    Calibration,
 }
 
 /// Active years as ESP counts them: less than one is one.

@@ -13,9 +13,11 @@ pub use solar_protons::Arrival;
 pub use trapped_protons::averaged;
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 use ctiplan_magnetosphere::{Activity, Elements};
 
+use super::observed_sun::{Event, Observed};
 use super::solar_cycle::Phase;
 use super::spectrum::Spectrum;
 
@@ -89,8 +91,14 @@ pub struct Setting {
     pub confidence: f64,
     /// Active years of the quantile of the sum, above 0.
     pub active_years: f64,
-    /// Modulation of cosmic rays relative to a mean cycle, at each phase.
+    /// Modulation of cosmic rays relative to a mean cycle, at each phase that was not observed.
     pub modulation: f64,
+    /// Dose of helium and heavier nuclei of cosmic rays relative to that of the protons.
+    pub nuclei_over_protons: f64,
+    /// The Sun as it was; None if it is drawn, or a quantile, at all times.
+    pub observed: Option<Observed>,
+    /// Elements of an orbit that changes, each at its year, from launch on; empty if it is that of `place` at all times.
+    pub orbits: Vec<(f64, Elements)>,
 }
 
 impl Setting {
@@ -120,23 +128,96 @@ pub enum When {
         cosines: Vec<f64>,
         /// The phase.
         phase: Phase,
+        /// Years, from the first to the second, in which it is 0: another stream has them.
+        except: [f64; 2],
+    },
+    /// As it was: equivalent years since the first point, against years, with straight lines between the points.
+    Series(Arc<[(f64, f64)]>),
+    /// One equivalent year, evenly spread over an observed event from one year to another.
+    Event {
+        /// Start.
+        from: f64,
+        /// End.
+        to: f64,
+        /// The event.
+        event: Arc<Event>,
     },
     /// Constant.
     Always,
 }
 
+/// Years that no year is in.
+pub(crate) const NEVER: [f64; 2] = [0.0, 0.0];
+
 impl When {
+    /// Equivalent years from a year to another, of which `active` are active years of the Sun.
+    pub fn years(&self, from: f64, to: f64, active: f64) -> f64 {
+        match self {
+            When::ActiveYears => active,
+            When::Always => to - from,
+            When::Cycle { cosines, phase, except: [start, end] } => {
+                let within = |from: f64, to: f64| if from < to { phase.integral(cosines, from, to) } else { 0.0 };
+                within(from, to) - within(from.max(*start), to.min(*end))
+            }
+            When::Series(points) => on_line(points, to) - on_line(points, from),
+            When::Event { from: start, to: end, .. } => {
+                (to.min(*end) - from.max(*start)).max(0.0) / (end - start)
+            }
+        }
+    }
+
+    /// Whether it is as observed, rather than a law for all times.
+    pub fn is_observed(&self) -> bool {
+        matches!(self, When::Series(_) | When::Event { .. })
+    }
+
+    /// Years at which it bends, with equivalent years since the first; empty for laws of all times.
+    pub(crate) fn points(&self) -> Vec<(f64, f64)> {
+        match self {
+            When::Series(points) => points.to_vec(),
+            When::Event { from, to, .. } => vec![(*from, 0.0), (*to, 1.0)],
+            _ => Vec::new(),
+        }
+    }
     /// The same with the Sun fixed at a phase of its cycle.
     pub fn held(&self, activity: Activity) -> When {
         match self {
-            When::Cycle { cosines, phase } => {
+            When::Cycle { cosines, phase, except } => {
                 let sign = |k: usize| if activity == Activity::Maximum && k % 2 == 1 { -1.0 } else { 1.0 };
                 let share = cosines.iter().enumerate().map(|(k, cosine)| sign(k) * cosine).sum();
-                When::Cycle { cosines: vec![share], phase: *phase }
+                When::Cycle { cosines: vec![share], phase: *phase, except: *except }
             }
             other => other.clone(),
         }
     }
+}
+
+/// Value of straight lines between points at a year; constant beyond the ends.
+pub(crate) fn on_line(points: &[(f64, f64)], year: f64) -> f64 {
+    let after = points.partition_point(|point| point.0 <= year);
+    match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
+        (None, next) => next.map_or(0.0, |point| point.1),
+        (Some(last), None) => last.1,
+        (Some(last), Some(next)) => last.1 + (next.1 - last.1) * (year - last.0) / (next.0 - last.0),
+    }
+}
+
+/// A rate given at years, with straight lines between them, as a law of time: equivalent years since the first.
+pub(crate) fn series(rates: &[(f64, f64)]) -> When {
+    const PIECES: u32 = 4;
+    let mut points = vec![(rates[0].0, 0.0)];
+    for pair in rates.windows(2) {
+        let ((from, rate), (to, next)) = (pair[0], pair[1]);
+        let before = points[points.len() - 1].1;
+        // The years are a parabola: several lines, unless the rate is constant.
+        let pieces = if rate == next { 1 } else { PIECES };
+        points.extend((1..=pieces).map(|piece| {
+            let share = f64::from(piece) / f64::from(pieces);
+            let mean = rate + 0.5 * share * (next - rate);
+            (from + share * (to - from), before + mean * share * (to - from))
+        }));
+    }
+    When::Series(points.into())
 }
 
 /// For each of `nodes` phases from minimum to maximum, the cosine coefficients of the weight that interpolates between spectra

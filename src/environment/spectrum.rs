@@ -123,6 +123,21 @@ impl Spectrum {
     }
 }
 
+/// A weighted sum of spectra: tabulated, with errors of 1e-3 at kinks of the terms.
+pub fn sum(terms: &[(f64, &Spectrum)]) -> Spectrum {
+    if let [(weight, only)] = terms {
+        return only.times(*weight);
+    }
+    let nodes = || terms.iter().flat_map(|(_, spectrum)| spectrum.nodes.iter().map(|node| node.0));
+    let (from, to) = (nodes().fold(f64::INFINITY, f64::min), nodes().fold(0.0, f64::max));
+    if !(from < to) {
+        return Spectrum::of([], Law::Power);
+    }
+    let above = |energy_mev: f64| terms.iter().map(|(weight, spectrum)| weight * spectrum.above(energy_mev)).sum();
+    let table = tabulated(from, to).into_iter().map(|energy_mev| (energy_mev, above(energy_mev)));
+    Spectrum { kinks: Vec::new(), ..Spectrum::of(table.collect::<Vec<(f64, f64)>>(), Law::Power) }
+}
+
 /// Energies (MeV) evenly spaced in their logarithm.
 fn tabulated(from_mev: f64, to_mev: f64) -> Vec<f64> {
     let steps = ((to_mev / from_mev).log10() * PER_DECADE).ceil().max(1.0);

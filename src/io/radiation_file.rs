@@ -1,4 +1,5 @@
-//! Output of other programs: proton spectra, dose histories, dose-depth curves, shielding by sectors, temperatures.
+//! Output of other programs: proton spectra, dose histories, dose-depth curves, shielding by sectors, temperatures, solar events,
+//! orbits.
 //!
 //! The program is recognised by the content of its file, never by the file's name. All files may have Windows line ends, a byte
 //! order mark and up to 100 MiB; every error is one message with file, line, column and value. Supported are:
@@ -18,7 +19,9 @@ mod dose_depth;
 mod dose_history;
 mod flux;
 mod omere;
+mod orbit_history;
 mod sectors;
+mod solar_events;
 mod spectrum;
 mod spenvis;
 mod temperature_history;
@@ -26,7 +29,10 @@ mod text;
 
 pub use dose_depth::{DoseDepth, read_dose_depth};
 pub use dose_history::{DoseHistoryFile, Times, read_dose_history};
+pub use orbit_history::{ElementsRow, OrbitHistoryFile, read_orbit_history};
 pub use sectors::{Sectors, read_sectors};
+pub(crate) use solar_events::parse_solar_events;
+pub use solar_events::{SolarEventRow, SolarEventsFile, read_solar_events};
 pub use spectrum::{Program, Quantity, SpectrumFile, Time, read_spectrum};
 pub use temperature_history::{TemperatureHistoryFile, read_temperature_history};
 

@@ -160,6 +160,7 @@ pub const KEYS: &[Key] = &[
         Number(-360.0, 360.0),
         Optional,
     ),
+    key("orbit.history", "file of the elements at dates, in place of perigee, apogee and inclination", "", Text, Optional),
     key("environment.model", "dose model", "", Choice(&["constant", "solar-cycle", "derived", "history"]), Required),
     key("environment.sources", "source of protons; all that reach the orbit if none is given", "", Texts, Optional),
     key("environment.history", "file of the dose over time, for the model history", "", Text, Optional),
@@ -230,6 +231,30 @@ pub const KEYS: &[Key] = &[
         Number(0.0, 100.0),
         Optional,
     ),
+    key(
+        "environment.sun",
+        "the Sun at times that were observed: drawn as at others, or as it was",
+        "",
+        Choice(&["drawn", "observed"]),
+        Default("\"drawn\""),
+    ),
+    key(
+        "environment.solar_events",
+        "file of solar proton events that continue those of the program, for an observed Sun",
+        "",
+        Text,
+        Optional,
+    ),
+    Key {
+        help: |value| (value > 10.0).then(|| "a ratio, not a percentage: 75 % is 0.75".into()),
+        ..key(
+            "environment.nuclei_over_protons",
+            "dose of helium and heavier nuclei of cosmic rays over that of their protons",
+            "",
+            Number(0.0, 10.0),
+            Default("0.75"),
+        )
+    },
     key(
         "environment.solar_phase",
         "phase of the solar cycle at which trapped protons and cosmic rays are held",
@@ -627,7 +652,9 @@ fn percentage_of_traps(value: f64) -> Option<String> {
 }
 
 /// Altitudes: from orbits that last for months up to the region where the Sun dominates.
-const ALTITUDE: Allowed = Number(100.0, 1.5e6);
+pub const ALTITUDES_KM: [f64; 2] = [100.0, 1.5e6];
+
+const ALTITUDE: Allowed = Number(ALTITUDES_KM[0], ALTITUDES_KM[1]);
 
 fn altitude(value: f64) -> Option<String> {
     (value < 100.0).then(|| "an altitude in km, not a distance in Earth radii; orbits below 100 km do not last".into())

@@ -6,8 +6,10 @@ use ctiplan_magnetosphere::Elements;
 use ctiplan_magnetosphere::orbit::GEOSTATIONARY;
 use serde::{Deserialize, Serialize};
 
-use super::{Date, Mission};
+use super::{Date, Mission, SunOfThePast};
+use crate::environment::observed_sun::{Observed, Record};
 use crate::environment::source::Place;
+use crate::numeric::calendar::decimal_year;
 
 /// `[mission]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,6 +58,9 @@ pub struct OrbitElements {
     /// Argument of perigee, degrees; None: uniformly distributed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub argument_of_perigee_deg: Option<f64>,
+    /// File of the elements at dates, in place of those above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub history: Option<String>,
 }
 
 /// The kind of orbit.
@@ -109,7 +114,14 @@ impl OrbitElements {
 
 impl Mission {
     /// Its location, for protons. None in a low Earth orbit of unknown elements.
+    ///
+    /// Of an orbit that changes, the elements nearest to the middle of the mission.
     pub fn place(&self) -> Option<Place> {
+        let distance = |t_yr: f64| (t_yr - 0.5 * self.mission.duration_yr).abs();
+        let orbits = self.imported.orbits.iter();
+        if let Some((_, elements)) = orbits.min_by(|a, b| distance(a.0).total_cmp(&distance(b.0))) {
+            return Some(Place::Earth(*elements));
+        }
         if let Some(orbit) = &self.orbit {
             return Some(orbit.elements().map_or(Place::Interplanetary, Place::Earth));
         }
@@ -120,8 +132,29 @@ impl Mission {
         }
     }
 
+    /// Elements of an orbit that changes, each at its decimal year, from launch on; empty if it does not.
+    pub fn orbits(&self) -> Vec<(f64, Elements)> {
+        let launch = decimal_year(self.mission.launch.0);
+        let mut orbits: Vec<(f64, Elements)> =
+            self.imported.orbits.iter().map(|(t_yr, elements)| (launch + t_yr, *elements)).collect();
+        if let Some((_, elements)) = orbits.first().copied().filter(|first| first.0 > launch) {
+            orbits.insert(0, (launch, elements));
+        }
+        orbits
+    }
+
+    /// The Sun as it was, seen from its launch; None if it is not wanted.
+    pub fn observed_sun(&self) -> Option<Observed> {
+        let record = || self.imported.solar_events.clone().unwrap_or_else(Record::built_in);
+        (self.environment.sun == SunOfThePast::Observed).then(|| Observed::new(self.mission.launch.0, record()))
+    }
+
     /// Its orbit, in words.
     pub fn orbit_name(&self) -> String {
+        if let [(_, first), .., (_, last)] = &self.imported.orbits[..] {
+            let [first, last] = [first, last].map(|at| format!("{:.0} x {:.0} km", at.perigee_km, at.apogee_km));
+            return format!("{first} to {last}, elements at {} dates", self.imported.orbits.len());
+        }
         match &self.orbit {
             Some(orbit) => orbit.to_string(),
             None if self.mission.orbit == Some(Orbit::Interplanetary) => INTERPLANETARY.into(),

@@ -1,15 +1,19 @@
 //! The files named in a mission: read with it, so that an existing mission is complete.
 
 use std::path::Path;
+use std::sync::Arc;
+
+use ctiplan_magnetosphere::Elements;
 
 use super::galaxies::read as read_galaxies;
+use crate::environment::observed_sun::Record;
 use crate::environment::spectrum::{Law, Spectrum};
 use crate::error::InputError;
 use crate::io::radiation_file::{
-    Depths, Doses, Quantity, SpectrumFile, Time, Times, read_dose_depth, read_dose_history, read_sectors,
-    read_spectrum, read_temperature_history,
+    Depths, Doses, Quantity, SpectrumFile, Time, Times, read_dose_depth, read_dose_history, read_orbit_history,
+    read_sectors, read_solar_events, read_spectrum, read_temperature_history,
 };
-use crate::mission::keys::TEMPERATURES_K;
+use crate::mission::keys::{ALTITUDES_KM, TEMPERATURES_K};
 use crate::mission::{Imported, ImportedSpectrum, Mission, PopulationGalaxy};
 use crate::numeric::calendar::years_between;
 
@@ -22,8 +26,10 @@ pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal
     let sectors = mission.shielding.as_mut().and_then(|shielding| shielding.sectors.as_mut());
     let warmings = mission.detector.temperature_history.as_mut();
     let table = mission.population.as_mut().and_then(|population| population.table.as_mut());
-    let named =
-        [environment.history.as_mut(), environment.dose_depth.as_mut(), sectors, warmings, table].into_iter().flatten();
+    let orbit = mission.orbit.as_mut().and_then(|orbit| orbit.history.as_mut());
+    let (doses, depths) = (environment.history.as_mut(), environment.dose_depth.as_mut());
+    let named = [doses, depths, environment.solar_events.as_mut(), orbit, sectors, warmings, table];
+    let named = named.into_iter().flatten();
     for file in named.chain(environment.spectra.iter_mut().flatten()) {
         *file = folder.join(&file).display().to_string();
     }
@@ -34,9 +40,20 @@ pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal
         sectors: sectors_of(mission)?,
         temperatures: temperatures(mission)?,
         galaxies: galaxies(mission)?,
+        solar_events: solar_events(mission)?,
+        orbits: orbits(mission)?,
         sun: None,
         cosmic_rays: None,
     };
+    if let Some(sun) = mission.observed_sun() {
+        let (from, launch) = (sun.record().from.date(), mission.mission.launch.0);
+        if launch < from {
+            let problem = format!("the Sun was observed from {from}, after the launch on {launch}");
+            let help = "take sun = \"drawn\", or a file of solar_events with an earlier observed_from";
+            let (key, error) = wrong("environment.sun", problem);
+            return Err((key, error.with_help(help)));
+        }
+    }
     match mission.history_problem() {
         Some(problem) => Err(wrong("environment.history", problem)),
         None => Ok(()),
@@ -115,6 +132,27 @@ fn temperatures(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     let Some(file) = &mission.detector.temperature_history else { return Ok(Vec::new()) };
     let read = read_temperature_history(file, TEMPERATURES_K).map_err(within)?;
     Ok(since_launch_yr(mission, &read.times).into_iter().zip(read.temperatures_k).collect())
+}
+
+/// Solar events of the program with those of the file.
+fn solar_events(mission: &Mission) -> Result<Option<Arc<Record>>, Refusal> {
+    let Some(file) = &mission.environment.solar_events else { return Ok(None) };
+    let read = read_solar_events(file).map_err(within)?;
+    let record = Record::with(read).map_err(|problem| wrong("environment.solar_events", format!("{file}: {problem}")))?;
+    Ok(Some(Arc::new(record)))
+}
+
+/// Years since launch, ascending, and elements of the orbit then.
+fn orbits(mission: &Mission) -> Result<Vec<(f64, Elements)>, Refusal> {
+    let Some(file) = mission.orbit.as_ref().and_then(|orbit| orbit.history.as_ref()) else { return Ok(Vec::new()) };
+    let read = read_orbit_history(file, ALTITUDES_KM).map_err(within)?;
+    let elements = read.elements.iter().map(|row| Elements {
+        perigee_km: row.perigee_km,
+        apogee_km: row.apogee_km,
+        inclination_deg: row.inclination_deg,
+        argument_of_perigee_deg: row.argument_of_perigee_deg,
+    });
+    Ok(since_launch_yr(mission, &read.times).into_iter().zip(elements).collect())
 }
 
 /// Galaxies of the population's table.

@@ -173,6 +173,7 @@ fn plain(key: &str) -> Option<fn(&mut Mission) -> Option<&mut f64>> {
         "environment.active_dose_rate_mev_g_yr" => |mission| mission.environment.active_dose_rate_mev_g_yr.as_mut(),
         "environment.confidence" => |mission| Some(&mut mission.environment.confidence),
         "environment.cosmic_ray_floor_mev_g_yr" => |mission| Some(&mut mission.environment.cosmic_ray_floor_mev_g_yr),
+        "environment.nuclei_over_protons" => |mission| Some(&mut mission.environment.nuclei_over_protons),
         "environment.dose_factor" => |mission| Some(&mut mission.environment.dose_factor),
         "environment.active_years" => |mission| mission.environment.active_years.as_mut(),
         "orbit.perigee_km" => |mission| mission.orbit.as_mut()?.perigee_km.as_mut(),

@@ -16,7 +16,7 @@ use crate::error::{InputError, nearest, shortened};
 use crate::io::{input, json};
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
 use crate::mission::{
-    DoseModel, Environment, Galaxy, Mission, Orbit, OrbitKind, Population, ReadoutMethod, TrapsAtStart,
+    DoseModel, Environment, Galaxy, Mission, Orbit, OrbitKind, Population, ReadoutMethod, SunOfThePast, TrapsAtStart,
 };
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
@@ -541,7 +541,37 @@ impl<'a> Source<'a> {
         self.check_shielding(mission)?;
         self.check_sources(mission)?;
         self.check_reference(mission)?;
+        self.check_observed_sun(&mission.environment)?;
         self.check_sun(mission)
+    }
+
+    /// Checks that an observed Sun meets a dose that is derived from it.
+    fn check_observed_sun(&self, environment: &Environment) -> Result<(), InputError> {
+        if environment.sun != SunOfThePast::Observed {
+            return match &environment.solar_events {
+                None => Ok(()),
+                Some(_) => Err(self
+                    .fault("environment.solar_events", "events are those of an observed Sun")
+                    .with_help("set environment.sun = \"observed\"")),
+            };
+        }
+        let fault = |key: &str, problem: &str, help: &str| Err(self.fault(key, problem).with_help(help));
+        if environment.model != DoseModel::Derived {
+            let problem = "only a derived dose follows the Sun as it was";
+            return fault("environment.sun", problem, "take environment.model = \"derived\", or sun = \"drawn\"");
+        }
+        for (key, given) in [
+            ("spectra", environment.spectra.is_some()),
+            ("dose_depth", environment.dose_depth.is_some()),
+            ("active_years", environment.active_years.is_some()),
+            ("solar_phase", environment.solar_phase.is_some()),
+        ] {
+            if given {
+                let problem = "with environment.sun = \"observed\" the Sun is that of the calendar";
+                return fault(&format!("environment.{key}"), problem, "remove it, or take sun = \"drawn\"");
+            }
+        }
+        Ok(())
     }
 
     /// Checks that the orbit is given once, with all its elements.
@@ -571,11 +601,23 @@ impl<'a> Source<'a> {
                 let problem = "elements belong to kind = \"elements\"";
                 return Err(self.fault(&format!("orbit.{key}"), problem));
             }
-            if orbit.kind == OrbitKind::Elements && value.is_none() && index < 3 {
+            if orbit.history.is_some() && value.is_some() {
+                let problem = "elements stand in the file of orbit.history";
+                return Err(self.fault(&format!("orbit.{key}"), problem).with_help("remove it, or orbit.history"));
+            }
+            let needed = orbit.kind == OrbitKind::Elements && orbit.history.is_none() && index < 3;
+            if needed && value.is_none() {
                 let problem =
                     format!("`orbit.{key}` is missing: kind = \"elements\" needs perigee, apogee and inclination");
                 return Err(InputError { place: self.place("orbit"), ..self.fault("", problem) });
             }
+        }
+        if orbit.kind != OrbitKind::Elements && orbit.history.is_some() {
+            return Err(self.fault("orbit.history", "elements belong to kind = \"elements\""));
+        }
+        if orbit.history.is_some() && mission.environment.solar_phase.is_some() {
+            let problem = "a phase of the Sun is held for an orbit that does not change";
+            return Err(self.fault("environment.solar_phase", problem).with_help("remove it, or give fixed elements"));
         }
         match mission.orbit_problem() {
             Some(problem) => Err(self.fault("orbit.perigee_km", problem)),

@@ -76,6 +76,8 @@ pub struct Damage {
     pub at_launch_per_px: Vec<(String, f64)>,
     /// Processes by which traps disappear or increase.
     pub losses: Vec<Loss>,
+    /// Fraction of the traps that are full of charge of cosmic rays when a packet comes, at their mean rate.
+    pub filled: f64,
 }
 
 /// A process by which traps disappear or increase.
@@ -97,7 +99,7 @@ impl fmt::Debug for Loss {
 
 impl Default for Damage {
     fn default() -> Damage {
-        Damage { traps_per_dose: 1.0, at_launch_per_px: Vec::new(), losses: Vec::new() }
+        Damage { traps_per_dose: 1.0, at_launch_per_px: Vec::new(), losses: Vec::new(), filled: 0.0 }
     }
 }
 
@@ -110,6 +112,8 @@ pub(crate) struct Irradiation {
     effective_dose_mev_g: f64,
     /// Fraction of the traps at launch that remain.
     kept: f64,
+    /// Fraction of the traps that charge of cosmic rays has not filled.
+    empty: f64,
 }
 
 impl Damage {
@@ -134,7 +138,12 @@ impl Damage {
         };
         let losses = self.losses.iter().filter(|loss| !loss.spares_launch);
         let kept = losses.map(|loss| (loss.survives)(0.0, t_yr)).product();
-        Ok(Irradiation { dose_mev_g, effective_dose_mev_g: self.traps_per_dose * left_mev_g, kept })
+        let empty = match given_mev_g {
+            // Hits are independent: each leaves the same fraction of what others left empty. There are none in a laboratory.
+            None if self.filled > 0.0 => (1.0 - self.filled).powf(history.cosmic_ray_rate(t_yr)),
+            _ => 1.0,
+        };
+        Ok(Irradiation { dose_mev_g, effective_dose_mev_g: self.traps_per_dose * left_mev_g, kept, empty })
     }
 
     /// Traps of a detector at a temperature (K), with densities per dose quoted at a reference dose (MeV/g).
@@ -150,6 +159,7 @@ impl Damage {
             for (_, at_launch) in self.at_launch_per_px.iter().filter(|(name, _)| *name == species.name) {
                 species.density_per_px += at_launch * irradiation.kept;
             }
+            species.density_per_px *= irradiation.empty;
         }
         traps
     }

@@ -2,19 +2,21 @@
 
 use std::f64::consts::PI;
 use std::fmt;
+use std::iter;
 use std::sync::{Arc, LazyLock};
 
 use gauss_quad::GaussLegendre;
 
+use crate::environment::cosmic_rays;
 use crate::environment::secondaries::{self, Secondaries};
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, ActiveYears, Maximum, Phase};
-use crate::environment::source::When;
+use crate::environment::source::{When, on_line};
 use crate::environment::spectrum::Spectrum;
 use crate::error::InputError;
 use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted};
 use crate::numeric::calendar::decimal_year;
 use crate::physics::dose_warnings;
-use crate::physics::source_dose::{SourceDose, source_doses};
+use crate::physics::source_dose::{SourceDose, on_common_years, source_doses};
 use crate::warning::Warning;
 
 /// Dose rate over time.
@@ -34,8 +36,10 @@ pub struct DoseHistory {
     cyclic: Vec<Cyclic>,
     /// Factors on the dose rate.
     pub modulations: Vec<Modulation>,
-    /// Dose since launch (MeV/g) against years since launch, from a file or of a drawn Sun.
+    /// Dose since launch (MeV/g) against years since launch, from a file, of a drawn Sun, or of the Sun as it was.
     table: Vec<(f64, f64)>,
+    /// The part of it from a file or of a drawn Sun.
+    imported: Vec<(f64, f64)>,
     /// Instantaneous doses (MeV/g), each with its time in years since launch.
     pub steps: Vec<(f64, f64)>,
     /// Laws applied to the dose rate (MeV/g/yr), in order.
@@ -52,6 +56,8 @@ pub struct DoseHistory {
     pub reference_dose_mev_g: f64,
     /// Decimal year.
     launch: f64,
+    /// Modulation of cosmic rays (GV) at decimal years, where it was observed.
+    modulation_gv: Vec<(f64, f64)>,
     /// Future maxima of the Sun, after launch, that are extrapolated.
     extrapolated: Vec<Maximum>,
 }
@@ -60,7 +66,21 @@ pub struct DoseHistory {
 #[derive(Clone, Debug, PartialEq)]
 struct Cyclic {
     phase: Phase,
+    /// Years in which it is 0.
+    except: [f64; 2],
     cosines: Vec<f64>,
+}
+
+impl Cyclic {
+    /// Its law of time.
+    fn when(&self) -> When {
+        When::Cycle { cosines: self.cosines.clone(), phase: self.phase, except: self.except }
+    }
+
+    /// Its rate at a decimal year, MeV/g/yr.
+    fn rate_mev_g_yr(&self, year: f64) -> f64 {
+        if self.except[0] <= year && year < self.except[1] { 0.0 } else { self.phase.value(&self.cosines, year) }
+    }
 }
 
 /// A factor on the dose rate, 1 + A cos(2π (t − t_peak)/P).
@@ -157,6 +177,10 @@ impl DoseHistory {
             (None, DoseModel::Constant) => (vec![(0.0, f64::INFINITY)], solar_cycle::ACTIVE_SHARE),
             (None, DoseModel::SolarCycle | DoseModel::Derived | DoseModel::History) => (windows(&cycle), 1.0),
         };
+        let windows = match mission.observed_sun() {
+            Some(sun) => outside(&windows, sun.span().map(|year| year - launch)),
+            None => windows,
+        };
         let ahead = |maximum: &Maximum| maximum.cycles_ahead > 0 && maximum.year + ACTIVE_AFTER_YR > launch;
         let extrapolated = maxima.into_iter().filter(ahead).collect();
         let given_rate = match &mission.imported.sun {
@@ -165,6 +189,8 @@ impl DoseHistory {
         };
         let table = mission.imported.sun.as_ref().unwrap_or(&mission.imported.history);
         let gives = environment.active_dose_rate_mev_g_yr.is_some() || environment.model == DoseModel::History;
+        let imported: Vec<(f64, f64)> =
+            table.iter().map(|(t_yr, dose)| (*t_yr, environment.dose_factor * dose)).collect();
         let mut history = DoseHistory {
             cycle,
             windows,
@@ -173,7 +199,8 @@ impl DoseHistory {
             floor_mev_g_yr: environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr,
             cyclic: Vec::new(),
             modulations: Vec::new(),
-            table: table.iter().map(|(t_yr, dose)| (*t_yr, environment.dose_factor * dose)).collect(),
+            table: imported.clone(),
+            imported,
             steps: Vec::new(),
             rate_laws: Vec::new(),
             dose_laws: Vec::new(),
@@ -182,6 +209,7 @@ impl DoseHistory {
             derived: (!gives).then(|| Arc::new(mission.clone())),
             reference_dose_mev_g: mission.reference_dose_mev_g(),
             launch,
+            modulation_gv: mission.observed_sun().map_or(Vec::new(), |sun| sun.modulation_gv()),
             extrapolated,
         };
         history.derive();
@@ -213,9 +241,11 @@ impl DoseHistory {
             match &dosed.stream.when {
                 When::ActiveYears => self.active_rate_mev_g_yr += rate,
                 When::Always => self.floor_mev_g_yr += rate,
-                When::Cycle { cosines, phase } => self.add_cyclic(*phase, cosines, rate),
+                When::Cycle { cosines, phase, except } => self.add_cyclic(*phase, *except, cosines, rate),
+                When::Series(_) | When::Event { .. } => {}
             }
         }
+        self.add_observed(environment.dose_factor);
         let quantile_years = match environment.accumulate() {
             Accumulate::Mission if active_years > 0.0 => active_years.max(1.0),
             Accumulate::Mission | Accumulate::Yearly => 1.0,
@@ -229,9 +259,28 @@ impl DoseHistory {
         };
     }
 
-    fn add_cyclic(&mut self, phase: Phase, cosines: &[f64], rate: f64) {
-        let index = self.cyclic.iter().position(|known| known.phase == phase).unwrap_or_else(|| {
-            self.cyclic.push(Cyclic { phase, cosines: Vec::new() });
+    /// Makes the table anew from what is imported and what was observed, times a factor.
+    fn add_observed(&mut self, factor: f64) {
+        let since_launch = |source: &Arc<SourceDose>| {
+            let points = source.observed().iter();
+            let (launch, before) = (self.launch, on_line(source.observed(), self.launch));
+            let after = points.filter(|point| point.0 > launch).map(|(year, dose)| (year - launch, factor * (dose - before)));
+            iter::once((0.0, 0.0)).chain(after).collect::<Vec<_>>()
+        };
+        let observed = self.sources.iter().filter(|source| !source.observed().is_empty()).map(since_launch);
+        let mut lines: Vec<Vec<(f64, f64)>> = observed.filter(|line| line.len() > 1).collect();
+        if lines.is_empty() {
+            self.table.clone_from(&self.imported);
+            return;
+        }
+        lines.push(self.imported.clone());
+        self.table = on_common_years(&lines);
+    }
+
+    fn add_cyclic(&mut self, phase: Phase, except: [f64; 2], cosines: &[f64], rate: f64) {
+        let same = |known: &Cyclic| known.phase == phase && known.except == except;
+        let index = self.cyclic.iter().position(same).unwrap_or_else(|| {
+            self.cyclic.push(Cyclic { phase, except, cosines: Vec::new() });
             self.cyclic.len() - 1
         });
         let known = &mut self.cyclic[index].cosines;
@@ -247,20 +296,39 @@ impl DoseHistory {
         self.dose_factor() * source.dose_mev_g(self.launch, from_yr, to_yr, active)
     }
 
-    /// Dose (MeV/g) of all cosmic rays up to a time (years since launch), before effects.
+    /// Dose (MeV/g) of all cosmic rays up to a time (years since launch), at times that were not observed, before effects.
     pub(crate) fn cosmic_rays_mev_g(&self, until_yr: f64) -> f64 {
         let modulated = self.sources.iter().filter(|source| source.is_modulated());
-        modulated.map(|source| self.of_source_mev_g(source, 0.0, until_yr)).sum()
+        let dose = |source: &Arc<SourceDose>| source.unobserved_mev_g(self.launch, 0.0, until_yr, 0.0);
+        self.dose_factor() * modulated.map(dose).sum::<f64>()
+    }
+
+    /// Rate of cosmic rays at a time (years since launch) over that of a mean cycle: of the month where it was observed, of the phase
+    /// of the cycle otherwise.
+    pub fn cosmic_ray_rate(&self, t_yr: f64) -> f64 {
+        let year = self.launch + t_yr;
+        let months = &self.modulation_gv;
+        let observed = months.first().zip(months.last()).is_some_and(|(first, last)| first.0 <= year && year <= last.0);
+        cosmic_rays::relative_rate(match observed {
+            // Values hold for the middle of their month.
+            true => on_line(months, year - HALF_MONTH_YR),
+            false => cosmic_rays::modulation_gv(Phase { lag_yr: 0.0 }.at(year)),
+        })
     }
 
     /// Dose since launch (MeV/g) of an imported history, before effects.
     pub fn imported_mev_g(&self, t_yr: f64) -> f64 {
-        tabulated(&self.table, t_yr).0
+        tabulated(&self.imported, t_yr).0
     }
 
     /// Factor on the whole dose.
     fn dose_factor(&self) -> f64 {
         self.derived.as_ref().map_or(1.0, |mission| mission.environment.dose_factor)
+    }
+
+    /// Spectra of a source with their equivalent years up to a time (years since launch): the sum over the terms is its fluence.
+    pub fn terms(&self, source: &SourceDose, until_yr: f64) -> Vec<(f64, Spectrum)> {
+        source.terms(self.launch, 0.0, until_yr, self.active_years(until_yr))
     }
 
     /// A linear function of the spectrum of a source, such as the fluence above an energy, up to a time (years since launch).
@@ -361,7 +429,7 @@ impl DoseHistory {
 
     /// Dose (MeV/g) from rates that follow the phase of the solar cycle.
     fn cyclic_mev_g(&self, t_yr: f64) -> f64 {
-        let of = |cyclic: &Cyclic| cyclic.phase.integral(&cyclic.cosines, self.launch, self.launch + t_yr);
+        let of = |cyclic: &Cyclic| cyclic.when().years(self.launch, self.launch + t_yr, 0.0);
         self.cyclic.iter().map(of).sum()
     }
 
@@ -387,7 +455,7 @@ impl DoseHistory {
         let active = after > 0 && t_yr < self.windows[after - 1].1;
         let active_rate = if active { self.active_share * self.active_rate_mev_g_yr } else { 0.0 };
         let cyclic: f64 =
-            self.cyclic.iter().map(|cyclic| cyclic.phase.value(&cyclic.cosines, self.launch + t_yr)).sum();
+            self.cyclic.iter().map(|cyclic| cyclic.rate_mev_g_yr(self.launch + t_yr)).sum();
         let rate = active_rate + self.floor_mev_g_yr + cyclic + tabulated(&self.table, t_yr).1;
         let factors = self.modulations.iter().map(|modulation| modulation.factor(self.launch + t_yr));
         let rate = rate * factors.product::<f64>();
@@ -471,10 +539,28 @@ impl DoseHistory {
     pub fn changes_yr(&self, t_yr: f64) -> Vec<f64> {
         let windows = self.windows.iter().flat_map(|(start, end)| [*start, *end]);
         let steps = self.steps.iter().chain(&self.table).map(|(at, _)| *at);
-        let mut changes: Vec<f64> = windows.chain(steps).collect();
+        let ends = self.cyclic.iter().flat_map(|cyclic| cyclic.except).map(|year| year - self.launch);
+        let mut changes: Vec<f64> = windows.chain(steps).chain(ends).collect();
         changes.retain(|t| *t > 0.0 && *t < t_yr);
         changes.sort_by(f64::total_cmp);
         changes
+    }
+
+    /// Times (years since launch) up to `t_yr` at which the dose rate changes so much that straight lines between them have the
+    /// dose, to a share of that up to `t_yr`, in order: of hundreds of months and small events few matter.
+    pub fn bends_yr(&self, t_yr: f64) -> Vec<f64> {
+        if self.sources.iter().all(|source| source.observed().is_empty()) {
+            return self.changes_yr(t_yr);
+        }
+        let windows = self.windows.iter().flat_map(|(start, end)| [*start, *end]);
+        let ends = self.cyclic.iter().flat_map(|cyclic| cyclic.except).map(|year| year - self.launch);
+        let mut bends: Vec<f64> = windows.chain(ends).chain(self.steps.iter().map(|(at, _)| *at)).collect();
+        let within: Vec<(f64, f64)> = self.table.iter().copied().filter(|point| point.0 <= t_yr).collect();
+        let greatest = within.last().map_or(0.0, |point| point.1);
+        bends.extend(corners(&within, BENT * greatest).into_iter().map(|point| point.0));
+        bends.retain(|t| *t > 0.0 && *t < t_yr);
+        bends.sort_by(f64::total_cmp);
+        bends
     }
 
     /// Times (years since launch) up to `t_yr` between which the modulation of the dose rate is smooth: eighths of the shortest
@@ -507,6 +593,9 @@ impl DoseHistory {
 /// Longest step of an integral over time, yr: a law of the dose rate may have a yearly period.
 const LONGEST_STEP_YR: f64 = 0.5;
 
+/// Half of a month, yr.
+const HALF_MONTH_YR: f64 = 1.0 / 24.0;
+
 /// Maximum number of times at which a modulated dose rate is evaluated.
 const MOST_TURNS: f64 = 240.0;
 
@@ -519,6 +608,32 @@ const PIECES: usize = 2000;
 
 /// Years after launch up to which the Sun is followed: beyond any time that can be requested.
 const REACH_YR: f64 = 1100.0;
+
+/// Share of the dose that straight lines between [`DoseHistory::bends_yr`] may miss: a date shifts by less than two days in ten years.
+const BENT: f64 = 5e-4;
+
+/// Points of a line between which straight lines miss no other point by more than a tolerance (Douglas & Peucker 1973).
+fn corners(line: &[(f64, f64)], tolerance: f64) -> Vec<(f64, f64)> {
+    let [first, inside @ .., last] = line else { return line.to_vec() };
+    let slope = (last.1 - first.1) / (last.0 - first.0);
+    let miss = |point: &(f64, f64)| (point.1 - first.1 - slope * (point.0 - first.0)).abs();
+    let worst = (0..inside.len()).max_by(|a, b| miss(&inside[*a]).total_cmp(&miss(&inside[*b])));
+    match worst.filter(|worst| miss(&inside[*worst]) > tolerance) {
+        None => vec![*first, *last],
+        Some(worst) => {
+            let mut left = corners(&line[..=worst + 1], tolerance);
+            left.pop();
+            left.extend(corners(&line[worst + 1..], tolerance));
+            left
+        }
+    }
+}
+
+/// Parts of intervals (in order) outside another.
+fn outside(windows: &[(f64, f64)], [from, to]: [f64; 2]) -> Vec<(f64, f64)> {
+    let parts = windows.iter().flat_map(|(start, end)| [(*start, end.min(from)), (start.max(to), *end)]);
+    parts.filter(|(start, end)| start < end).collect()
+}
 
 fn windows(cycle: &[ActiveYears]) -> Vec<(f64, f64)> {
     cycle.iter().map(|stretch| (stretch.from, stretch.to)).collect()

@@ -27,7 +27,7 @@ use crate::mission::{DoseModel, Mission, SecondariesCounted};
 use crate::numeric::calendar::decimal_year;
 use crate::numeric::parallel;
 use crate::physics::DoseHistory;
-use crate::physics::source_dose::{dosed, sources};
+use crate::physics::source_dose::{StreamDose, dosed, sources};
 
 /// Name of the source whose events are drawn.
 pub const SOLAR_PROTONS: &str = "solar-protons";
@@ -35,8 +35,12 @@ pub const SOLAR_PROTONS: &str = "solar-protons";
 /// Samples of the Sun over a mission, with the dose of each event behind its shield.
 #[derive(Clone, Debug)]
 pub struct SolarEventDoses {
-    /// The samples.
+    /// The samples, of the time after the Sun was observed.
     pub events: SolarEvents,
+    /// When that time begins, years since launch: 0 if the Sun is drawn at all times.
+    pub drawn_from_yr: f64,
+    /// Events before it.
+    observed: Vec<ObservedDose>,
     /// ln d of an event, against its size z.
     active: Curve,
     quiet: Curve,
@@ -60,7 +64,12 @@ impl SolarEventDoses {
     ) -> Result<SolarEventDoses, InputError> {
         let behind = Behind::of(mission)?;
         let active_years = history.active_years(mission.mission.duration_yr);
-        let events = SolarEvents::new(sun(mission, history, active_years), mission.mission.duration_yr, samples, seed);
+        let duration_yr = mission.mission.duration_yr;
+        let launch = decimal_year(mission.mission.launch.0);
+        let observed_to = mission.observed_sun().map_or(launch, |sun| sun.span()[1]);
+        let drawn_from_yr = (observed_to - launch).clamp(0.0, duration_yr);
+        let sun = sun(mission, history, active_years, drawn_from_yr);
+        let events = SolarEvents::new(sun, duration_yr - drawn_from_yr, samples, seed);
         let event = |activity: Activity| Curve::of(SIZES, SIZE_NODES, |z| behind.log_dose(activity.event(z)));
         let (least, most) = events.active_years().unwrap_or((1.0, 1.0));
         // With the expected number among them.
@@ -70,13 +79,15 @@ impl SolarEventDoses {
             quiet: event(Activity::Quiet),
             totals: Totals::of(&behind, least.min(expected)..=most.max(expected)),
             events,
+            drawn_from_yr,
+            observed: observed(&behind, history, launch),
             active_years,
             factor: mission.environment.dose_factor,
         })
     }
 
     /// Instantaneous doses (MeV/g) in a sample, each with its time in years since launch: first those of active years, then those
-    /// of quiet ones.
+    /// of quiet ones, then observed ones, with the calibration errors of the sample.
     ///
     /// # Panics
     /// If there are not that many samples.
@@ -86,28 +97,94 @@ impl SolarEventDoses {
             Activity::Active => self.active.at(z).exp(),
             Activity::Quiet => self.quiet.at(z).exp(),
         };
+        let since_launch = |t_yr: f64| self.drawn_from_yr + t_yr;
         let mut steps: Vec<(f64, f64)> =
-            sample.events.iter().map(|event| (event.t_yr, own(event.activity, event.z))).collect();
+            sample.events.iter().map(|event| (since_launch(event.t_yr), own(event.activity, event.z))).collect();
         let active = sample.events.iter().take_while(|event| event.activity == Activity::Active).count();
         let sum: f64 = steps[..active].iter().map(|(_, dose)| dose).sum();
         let total = self.totals.at(sample.active_years, normal_quantile(sample.confidence));
         steps[..active].iter_mut().for_each(|(_, dose)| *dose *= total / sum);
+        steps.extend(self.observed.iter().map(|event| (event.t_yr, event.dose_mev_g(&self.events, index))));
         steps.iter_mut().for_each(|(_, dose)| *dose *= self.factor);
         steps
     }
 
-    /// ESP's dose (MeV/g) of the mission's active years, with the expected maxima, at a confidence.
+    /// ESP's dose (MeV/g) of the mission's active years, with the expected maxima, at a confidence; and that of observed events.
     pub fn esp_mev_g(&self, confidence: f64) -> f64 {
-        if self.active_years > 0.0 {
-            self.factor * self.totals.at(self.active_years.max(1.0), normal_quantile(confidence))
-        } else {
-            0.0
+        let observed: f64 = self.observed.iter().map(|event| event.mean_mev_g).sum();
+        let drawn = match self.active_years {
+            years if years > 0.0 => self.totals.at(years.max(1.0), normal_quantile(confidence)),
+            _ => 0.0,
+        };
+        self.factor * (observed + drawn)
+    }
+
+    /// Observed dose (MeV/g) of solar protons up to a time (years since launch), and its error (1 sigma) from calibration: that of a
+    /// satellite is common to its events.
+    pub fn observed_mev_g(&self, until_yr: f64) -> (f64, f64) {
+        let (mut sum, mut errors) = (0.0, Vec::<f64>::new());
+        for event in self.observed.iter().filter(|event| event.t_yr <= until_yr) {
+            sum += event.mean_mev_g;
+            errors.resize(errors.len().max(event.satellite + 1), 0.0);
+            errors[event.satellite] += event.mean_mev_g * event.sensitivity;
         }
+        let error = errors.iter().map(|error| error * error).sum::<f64>().sqrt();
+        (self.factor * sum, self.factor * error)
     }
 }
 
-/// The Sun over a mission.
-fn sun(mission: &Mission, history: &DoseHistory, active_yr: f64) -> Sun {
+/// The dose of an observed event.
+#[derive(Clone, Debug)]
+struct ObservedDose {
+    /// Its start, years since launch.
+    t_yr: f64,
+    /// Its dose as calibrated, MeV/g.
+    mean_mev_g: f64,
+    /// Change of ln dose if the calibration of its satellite is off by one standard deviation.
+    sensitivity: f64,
+    /// Index of the satellite.
+    satellite: usize,
+}
+
+impl ObservedDose {
+    /// Its dose in a sample, MeV/g.
+    fn dose_mev_g(&self, samples: &SolarEvents, index: usize) -> f64 {
+        let deviation = if self.sensitivity == 0.0 { 0.0 } else { samples.calibration(index, self.satellite) };
+        self.mean_mev_g * (deviation * self.sensitivity).exp()
+    }
+}
+
+/// Observed doses of solar protons in a history; empty if the Sun is drawn at all times.
+fn observed(behind: &Behind, history: &DoseHistory, launch: f64) -> Vec<ObservedDose> {
+    let streams = history.sources.iter().filter(|source| source.name == SOLAR_PROTONS).flat_map(|source| &source.streams);
+    let streams: Vec<_> = streams.filter(|dosed| dosed.stream.when.is_observed()).collect();
+    let mut satellites: Vec<&str> = Vec::new();
+    for dosed in &streams {
+        if let When::Event { event, .. } = &dosed.stream.when
+            && !satellites.contains(&event.satellite.as_str())
+        {
+            satellites.push(&event.satellite);
+        }
+    }
+    let of = |dosed: &&StreamDose| {
+        let when = &dosed.stream.when;
+        let mean_mev_g = dosed.dose_mev_g_yr * when.years(launch, f64::INFINITY, 0.0);
+        let start = when.points().first().map_or(launch, |point| point.0);
+        let (sensitivity, satellite) = match when {
+            When::Event { event, .. } => {
+                let log = |deviation: f64| behind.log_dose(event.spectrum(deviation));
+                let place = satellites.iter().position(|known| *known == event.satellite);
+                (0.5 * (log(1.0) - log(-1.0)), place.unwrap_or(0))
+            }
+            _ => (0.0, 0),
+        };
+        ObservedDose { t_yr: (start - launch).max(0.0), mean_mev_g, sensitivity, satellite }
+    };
+    parallel::map(&streams, of)
+}
+
+/// The Sun over a mission, from a time (years since launch) on.
+fn sun(mission: &Mission, history: &DoseHistory, active_yr: f64, from_yr: f64) -> Sun {
     let environment = &mission.environment;
     if environment.active_years.is_some() || history.averages_the_cycle() {
         return Sun::Mean { active_yr };
@@ -115,7 +192,7 @@ fn sun(mission: &Mission, history: &DoseHistory, active_yr: f64) -> Sun {
     let launch = decimal_year(mission.mission.launch.0);
     // Those whose active years may begin before the end.
     let maxima = solar_cycle::maxima(&environment.solar_maximum, launch + mission.mission.duration_yr + ACTIVE_YR);
-    Sun::Cycle { maxima, launch }
+    Sun::Cycle { maxima, launch: launch + from_yr }
 }
 
 fn normal_quantile(probability: f64) -> f64 {

@@ -7,10 +7,11 @@ use ctiplan_magnetosphere::Activity;
 use crate::environment::secondaries::Secondaries;
 use crate::environment::shielding::Shield;
 use crate::environment::source::{self, Card, Place, SOURCES, Setting, Source, Stream, When};
-use crate::environment::spectrum::{Law, Spectrum};
+use crate::environment::spectrum::{self, Law, Spectrum};
 use crate::environment::{Niel, SECONDS_PER_YEAR};
 use crate::mission::{Accumulate, DoseModel, Environment, ImportedSpectrum, Mission, SecondariesCounted, SolarPhase};
 use crate::numeric::calendar::decimal_year;
+use crate::numeric::parallel;
 use crate::numeric::recent::Recent;
 use crate::physics::DoseHistory;
 
@@ -23,6 +24,8 @@ pub struct SourceDose {
     pub card: Option<&'static Card>,
     /// Its spectra, each with its law of time and its dose behind the shield.
     pub streams: Vec<StreamDose>,
+    /// Dose (MeV/g) since the first point, against years: the sum of the streams that were observed.
+    observed: Vec<(f64, f64)>,
 }
 
 /// A stream of a source behind the shield.
@@ -42,29 +45,38 @@ impl SourceDose {
         self.card.is_some() && source::source(&self.name).is_some_and(|source| source.is_modulated())
     }
 
-    /// The same with the protons multiplied by a factor.
+    /// A source of these streams.
+    fn new(name: String, card: Option<&'static Card>, streams: Vec<StreamDose>) -> SourceDose {
+        let of_stream = |dosed: &StreamDose| {
+            let points = dosed.stream.when.points();
+            points.into_iter().map(|(year, years)| (year, years * dosed.dose_mev_g_yr)).collect::<Vec<_>>()
+        };
+        let observed = on_common_years(&streams.iter().map(of_stream).collect::<Vec<_>>());
+        SourceDose { name, card, streams, observed }
+    }
+
+    /// Dose (MeV/g) since the first point, against years: the sum of the streams that were observed.
+    pub(crate) fn observed(&self) -> &[(f64, f64)] {
+        &self.observed
+    }
+
+    /// The same with the protons multiplied by a factor at all times that were not observed.
     fn times(&self, factor: f64) -> SourceDose {
-        let stream = |dosed: &StreamDose| StreamDose {
+        let stream = |dosed: &StreamDose| if dosed.stream.when.is_observed() { dosed.clone() } else { StreamDose {
             stream: Stream { yearly: dosed.stream.yearly.times(factor), when: dosed.stream.when.clone() },
             dose_mev_g_yr: factor * dosed.dose_mev_g_yr,
             secondaries: Secondaries {
                 lost_mev_g: factor * dosed.secondaries.lost_mev_g,
                 neutrons_mev_g: factor * dosed.secondaries.neutrons_mev_g,
             },
-        };
+        }};
         SourceDose { streams: self.streams.iter().map(stream).collect(), ..self.clone() }
     }
 
     /// Equivalent years of each stream between two times (years since launch), of which `active` are active years of the Sun.
     fn weights(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> impl Iterator<Item = (&StreamDose, f64)> {
-        self.streams.iter().map(move |dosed| {
-            let years = match &dosed.stream.when {
-                When::ActiveYears => active,
-                When::Always => to_yr - from_yr,
-                When::Cycle { cosines, phase } => phase.integral(cosines, launch + from_yr, launch + to_yr),
-            };
-            (dosed, years)
-        })
+        let years = move |dosed: &StreamDose| dosed.stream.when.years(launch + from_yr, launch + to_yr, active);
+        self.streams.iter().map(move |dosed| (dosed, years(dosed)))
     }
 
     /// Dose (MeV/g) between two times.
@@ -85,8 +97,26 @@ impl SourceDose {
 
     /// A linear function of the spectrum, such as the fluence above an energy, summed between two times.
     pub fn total(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64, of: impl Fn(&Spectrum) -> f64) -> f64 {
+        let terms = self.terms(launch, from_yr, to_yr, active);
+        terms.iter().fold(0.0, |sum, (years, spectrum)| sum + years * of(spectrum))
+    }
+
+    /// Spectra with their equivalent years between two times. What was observed, often hundreds of events, is one of them.
+    pub(crate) fn terms(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> Vec<(f64, Spectrum)> {
         let weights = self.weights(launch, from_yr, to_yr, active);
-        weights.fold(0.0, |sum, (dosed, years)| sum + years * of(&dosed.stream.yearly))
+        let (observed, laws): (Vec<_>, Vec<_>) = weights.partition(|(dosed, _)| dosed.stream.when.is_observed());
+        let flown: Vec<(f64, &Spectrum)> = (observed.iter().filter(|(_, years)| *years != 0.0))
+            .map(|(dosed, years)| (*years, &dosed.stream.yearly))
+            .collect();
+        let flown = (!flown.is_empty()).then(|| (1.0, spectrum::sum(&flown)));
+        laws.into_iter().map(|(dosed, years)| (years, dosed.stream.yearly.clone())).chain(flown).collect()
+    }
+
+    /// Dose (MeV/g) between two times from its laws of all times, for times that were not observed.
+    pub(crate) fn unobserved_mev_g(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> f64 {
+        let weights = self.weights(launch, from_yr, to_yr, active);
+        let laws = weights.filter(|(dosed, _)| !dosed.stream.when.is_observed());
+        laws.fold(0.0, |sum, (dosed, years)| sum + years * dosed.dose_mev_g_yr)
     }
 }
 
@@ -147,8 +177,38 @@ fn setting(mission: &Mission, place: Place, active_years: f64) -> Setting {
             _ => 1.0,
         },
         modulation: 1.0,
+        nuclei_over_protons: mission.environment.nuclei_over_protons,
+        observed: mission.observed_sun(),
+        orbits: mission.orbits(),
     }
 }
+
+/// The sum of straight lines between points, each constant beyond its ends.
+pub(crate) fn on_common_years(lines: &[Vec<(f64, f64)>]) -> Vec<(f64, f64)> {
+    // Changes of the slope, in order; those of one year together.
+    let mut changes: Vec<(f64, f64)> = Vec::new();
+    for pair in lines.iter().flat_map(|points| points.windows(2)) {
+        let slope = (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0);
+        changes.extend([(pair[0].0, slope), (pair[1].0, -slope)]);
+    }
+    changes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut sum, mut value, mut slope) = (Vec::<(f64, f64)>::new(), 0.0, 0.0);
+    for (year, change) in changes {
+        match sum.last() {
+            Some(last) if year - last.0 < SAME_YR => {}
+            Some(last) => {
+                value += slope * (year - last.0);
+                sum.push((year, value));
+            }
+            None => sum.push((year, 0.0)),
+        }
+        slope += change;
+    }
+    sum
+}
+
+/// Years that are equal but for rounding: a tenth of a second.
+const SAME_YR: f64 = 3e-9;
 
 /// Dose (MeV/g, before the mission's factor on all doses) of cosmic-ray protons behind the shield over the mission, for a multiple
 /// of the modulation of a mean cycle. None if there are no cosmic rays among its sources, which `history` lists.
@@ -165,18 +225,16 @@ pub(crate) fn cosmic_ray_dose_mev_g(mission: &Mission, history: &DoseHistory, mo
         phase: mission.environment.solar_phase,
     };
     let launch = decimal_year(mission.mission.launch.0);
-    Some(known(source, inputs).dose_mev_g(launch, 0.0, mission.mission.duration_yr, 0.0))
+    Some(known(source, inputs).unobserved_mev_g(launch, 0.0, mission.mission.duration_yr, 0.0))
 }
 
 /// The dose of a source. It takes milliseconds to seconds, and every fit and study needs it, usually for the same mission.
 fn known(source: &'static dyn Source, inputs: Inputs) -> Arc<SourceDose> {
     static KNOWN: Recent<Inputs, Arc<SourceDose>> = Recent::new(64);
     KNOWN.get(inputs, |inputs| {
-        Arc::new(SourceDose {
-            name: source.card().name.to_string(),
-            card: Some(source.card()),
-            streams: source.streams(&inputs.setting).into_iter().map(|stream| behind(stream, source, inputs)).collect(),
-        })
+        let streams = source.streams(&inputs.setting);
+        let dosed = parallel::map(streams, |stream| behind(stream, source, inputs));
+        Arc::new(SourceDose::new(source.card().name.to_string(), Some(source.card()), dosed))
     })
 }
 
@@ -224,7 +282,7 @@ fn of_spectra(mission: &Mission, shield: &Shield, counted: SecondariesCounted) -
         let per_year = if imported.per_second { SECONDS_PER_YEAR } else { 1.0 / mission.mission.duration_yr };
         let stream = Stream { yearly: imported.spectrum.times(per_year), when: When::Always };
         let dosed = dosed(stream, 2.0, shield, mission.environment.niel, counted);
-        Arc::new(SourceDose { name: imported.file.clone(), card: None, streams: vec![dosed] })
+        Arc::new(SourceDose::new(imported.file.clone(), None, vec![dosed]))
     };
     mission.imported.spectra.iter().map(of).collect()
 }
@@ -236,7 +294,7 @@ fn of_depth(mission: &Mission, shield: &Shield) -> SourceDose {
     let stream = Stream { yearly: Spectrum::of([], Law::Power), when: When::Always };
     let dose_mev_g_yr = total / mission.mission.duration_yr;
     let dosed = StreamDose { stream, dose_mev_g_yr, secondaries: Secondaries::default() };
-    SourceDose { name: mission.environment.dose_depth.clone().unwrap_or_default(), card: None, streams: vec![dosed] }
+    SourceDose::new(mission.environment.dose_depth.clone().unwrap_or_default(), None, vec![dosed])
 }
 
 /// Log-log linear interpolation in a curve; beyond its ends, extrapolation from the end pair.

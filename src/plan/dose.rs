@@ -314,21 +314,22 @@ fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
         return at(&|mm| Shield::aluminium(Geometry::Sphere, mm).dose(&year, niel), &|slab| slab.dose(&year, niel));
     }
     // A slab is crossed at all angles: many thicknesses, which a table provides.
-    let duration_yr = mission.mission.duration_yr;
-    let factor = environment.dose_factor;
-    let sum = |of: &dyn Fn(&Spectrum) -> f64| -> f64 {
-        factor * history.sources.iter().map(|source| history.of_spectrum(source, duration_yr, of)).sum::<f64>()
+    let terms: Vec<(f64, Spectrum)> = history
+        .sources
+        .iter()
+        .flat_map(|source| history.terms(source, mission.mission.duration_yr))
+        .map(|(years, spectrum)| (environment.dose_factor * years, spectrum))
+        .collect();
+    let curves = parallel::map(&terms, |(_, spectrum)| DepthCurve::of(spectrum, niel, 0.1, 2000.0));
+    let sphere = |mm: f64| {
+        let shield = Shield::aluminium(Geometry::Sphere, mm);
+        terms.iter().map(|(years, spectrum)| years * shield.dose(spectrum, niel)).sum()
     };
-    let streams: Vec<&Spectrum> =
-        history.sources.iter().flat_map(|source| &source.streams).map(|dosed| &dosed.stream.yearly).collect();
-    let curves = parallel::map(&streams, |spectrum| DepthCurve::of(spectrum, niel, 0.1, 2000.0));
-    let curve = |spectrum: &Spectrum| {
-        let index = streams.iter().position(|other| std::ptr::eq(*other, spectrum)).expect("a stream of the mission");
-        &curves[index]
+    let slab = |slab: &Shield| {
+        let dose = |curve: &DepthCurve| slab.mean(|direction| curve.at(direction.aluminium_g_cm2));
+        terms.iter().zip(&curves).map(|((years, _), curve)| years * dose(curve)).sum()
     };
-    at(&|mm| sum(&|spectrum| Shield::aluminium(Geometry::Sphere, mm).dose(spectrum, niel)), &|slab| {
-        sum(&|spectrum| slab.mean(|direction| curve(spectrum).at(direction.aluminium_g_cm2)))
-    })
+    at(&sphere, &slab)
 }
 
 impl AtConfidence {

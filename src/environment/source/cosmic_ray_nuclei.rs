@@ -2,7 +2,6 @@
 
 use super::cosmic_rays::CosmicRays;
 use super::{Card, Place, Setting, Source, Stream};
-use crate::environment::cosmic_rays::NUCLEI_OVER_PROTONS;
 
 pub(super) struct CosmicRayNuclei;
 
@@ -11,9 +10,10 @@ impl Source for CosmicRayNuclei {
         &Card {
             name: "cosmic-ray-nuclei",
             what: "helium and heavier nuclei of galactic cosmic rays, as protons that do the same damage",
-            law: "0.75 times the protons of cosmic rays",
+            law: "0.75 times the protons of cosmic rays, unless environment.nuclei_over_protons says otherwise",
             range: "estimated as 0.5 to 1 times the dose of the protons",
-            citation: "an estimate of this project; abundances: Simpson 1983 (Ann. Rev. Nucl. Part. Sci. 33, 323)",
+            citation: "an estimate of this project from the share of the flux (12 % helium, 1 % heavier) and damage in proportion to \
+                       the square of the charge; abundances: Simpson 1983 (Ann. Rev. Nucl. Part. Sci. 33, 323)",
         }
     }
 
@@ -23,7 +23,7 @@ impl Source for CosmicRayNuclei {
 
     fn streams(&self, setting: &Setting) -> Vec<Stream> {
         let protons = CosmicRays.streams(setting).into_iter();
-        protons.map(|stream| Stream { yearly: stream.yearly.times(NUCLEI_OVER_PROTONS), ..stream }).collect()
+        protons.map(|stream| Stream { yearly: stream.yearly.times(setting.nuclei_over_protons), ..stream }).collect()
     }
 
     fn is_modulated(&self) -> bool {

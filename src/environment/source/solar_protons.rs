@@ -3,7 +3,12 @@
 use ctiplan_magnetosphere::Exposure;
 
 use super::{Card, Place, Setting, Source, Stream, When};
+use std::iter;
+use std::sync::Arc;
+
 use crate::environment::esp;
+use crate::environment::observed_sun::{Event, Observed};
+use crate::environment::solar_cycle::ACTIVE_SHARE;
 use crate::environment::spectrum::Spectrum;
 
 pub(super) struct SolarProtons;
@@ -34,8 +39,35 @@ impl Source for SolarProtons {
         // Less than one active year counts as one, and all of it arrives within the available active time.
         let outside = esp::fluence(setting.confidence, years).times(1.0 / setting.active_years);
         let yearly = Arrival::at(&setting.place, setting.middle).of(outside);
-        vec![Stream { yearly, when: When::ActiveYears }]
+        let drawn = Stream { yearly, when: When::ActiveYears };
+        let observed = setting.observed.iter().flat_map(|sun| events(setting, sun));
+        iter::once(drawn).chain(observed).collect()
     }
+}
+
+/// Events of an observed Sun, and what its gaps hold on average.
+fn events(setting: &Setting, sun: &Observed) -> Vec<Stream> {
+    let arrivals: Vec<(f64, Arrival)> = match &setting.orbits[..] {
+        [] => vec![(0.0, Arrival::at(&setting.place, setting.middle))],
+        orbits => orbits.iter().map(|(year, elements)| (*year, Arrival::at(&Place::Earth(*elements), *year))).collect(),
+    };
+    let nearest = |year: f64| {
+        let distance = |arrival: &&(f64, Arrival)| (arrival.0 - year).abs();
+        let nearest = arrivals.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        &nearest.expect("at least one").1
+    };
+    let event = |(from, to, event): (f64, f64, &Arc<Event>)| Stream {
+        yearly: nearest(from).of(event.spectrum(0.0)),
+        when: When::Event { from, to, event: Arc::clone(event) },
+    };
+    let mut streams: Vec<Stream> = sun.events().map(event).collect();
+    // Too short for a quantile: the mean of all years.
+    let mean = esp::mean().times(ACTIVE_SHARE);
+    streams.extend(sun.gaps().map(|[from, to]| Stream {
+        yearly: nearest(from).of(mean.clone()),
+        when: When::Series([(from, 0.0), (to, to - from)].into()),
+    }));
+    streams
 }
 
 /// The part of the protons of solar events that arrives at a place.

@@ -34,6 +34,11 @@ impl Source {
         Ok(Source { refused, name, text })
     }
 
+    /// A text with a name.
+    pub fn of(name: &str, text: &str, what: &str) -> Source {
+        Source { refused: format!("cannot use {what} `{name}`"), name: name.into(), text: text.into() }
+    }
+
     /// An error without a location.
     pub fn refuse(&self, problem: impl Into<String>) -> InputError {
         InputError::new(&self.refused, problem)
