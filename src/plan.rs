@@ -9,6 +9,7 @@ pub mod date_distribution;
 pub mod dose;
 pub mod draws;
 pub mod evaluate;
+pub mod flown;
 pub mod judgement;
 pub mod mission_sample;
 pub mod noise;

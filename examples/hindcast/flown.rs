@@ -2,15 +2,9 @@
 
 use chrono::NaiveDate;
 use ctiplan::environment::shielding::Geometry;
-use ctiplan::mission::{Mission, SecondariesCounted, Shielding};
+use ctiplan::mission::{Mission, Shielding};
 use ctiplan::model::Model;
 use ctiplan::numeric::calendar::decimal_year;
-use ctiplan::physics::DoseHistory;
-
-use super::events;
-
-/// Errors (1 sigma) by which a model may differ from each published number.
-pub const WITHIN_SIGMA: f64 = 2.0;
 
 /// A dose against the calendar.
 pub trait Dose {
@@ -33,30 +27,16 @@ pub trait Dose {
     }
 }
 
-/// The dose of a mission under the median Sun.
+/// The dose of a mission.
 pub struct Flown {
     /// Decimal year.
     pub launch: f64,
-    duration_yr: f64,
     model: Model,
-    /// Whether solar protons come in proportion to the events of each year, known afterwards, and not evenly in active years.
-    events: bool,
 }
 
 impl Flown {
     pub fn new(mission: &Mission) -> Flown {
-        let header = &mission.mission;
-        Flown {
-            launch: decimal_year(header.launch.0),
-            duration_yr: header.duration_yr,
-            model: Model::new(mission),
-            events: false,
-        }
-    }
-
-    /// The same dose of solar protons in all, in proportion to the events of each year.
-    pub fn with_events(self) -> Flown {
-        Flown { events: true, ..self }
+        Flown { launch: decimal_year(mission.mission.launch.0), model: Model::new(mission) }
     }
 
     /// The same mission behind a sphere of aluminium.
@@ -64,37 +44,37 @@ impl Flown {
         Flown::new(&behind(mission, thickness_mm))
     }
 
-    /// Mean dose rate (MeV/g/yr) of some sources between two decimal years, events left alone.
+    /// Mean dose rate (MeV/g/yr) of some sources between two decimal years.
     pub fn rate_of(&self, names: &[&str], from: f64, to: f64) -> f64 {
-        let history = self.history();
+        let history = self.model.history();
         let (start, end) = (from - self.launch, to - self.launch);
         let named = history.sources.iter().filter(|source| names.contains(&source.name.as_str()));
         let sum: f64 = named.map(|source| history.of_source_mev_g(source, start, end)).sum();
         sum / (to - from)
     }
-
-    /// Dose (MeV/g) of everything but solar protons up to a time in years since launch.
-    pub fn without_sun(&self, t_yr: f64) -> f64 {
-        let history = self.history();
-        let others = history.sources.iter().filter(|source| source.name != SOLAR_PROTONS);
-        others.map(|source| history.of_source_mev_g(source, 0.0, t_yr)).sum()
-    }
-
-    pub fn history(&self) -> &DoseHistory {
-        self.model.history()
-    }
 }
 
 impl Dose for Flown {
     fn dose(&self, year: f64) -> f64 {
-        let dose = self.model.dose_mev_g(year - self.launch).expect("a mission without a formula");
-        if !self.events {
-            return dose;
-        }
-        let end = self.launch + self.duration_yr;
-        let solar = |to: f64| (to - self.launch) * self.rate_of(&[SOLAR_PROTONS], self.launch, to);
-        dose - solar(year) + solar(end) * events::sum(self.launch, year) / events::sum(self.launch, end)
+        self.model.dose_mev_g(year - self.launch).expect("a mission without a formula")
     }
+}
+
+/// The mission of a file in `missions/flown/`.
+pub fn mission(name: &str) -> Mission {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/missions/flown/");
+    Mission::read(format!("{path}{name}.toml")).expect("a valid mission")
+}
+
+/// The same mission with some keys set.
+pub fn with(mission: &Mission, settings: &[(&str, toml::Value)]) -> Mission {
+    let settings: Vec<_> = settings.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
+    mission.with(&settings).expect("valid settings")
+}
+
+/// The same mission with the median Sun in place of the one that was observed.
+pub fn drawn(mission: &Mission) -> Mission {
+    with(mission, &[("environment.sun", "drawn".into())])
 }
 
 /// The same mission behind a sphere of aluminium.
@@ -102,14 +82,7 @@ pub fn behind(mission: &Mission, thickness_mm: f64) -> Mission {
     Mission { shielding: Some(Shielding::aluminium(Geometry::Sphere, thickness_mm)), ..mission.clone() }
 }
 
-/// The same mission with nuclear reactions in the shield counted: protons lost, damage by neutrons added.
-pub fn with_neutrons(mission: &Mission) -> Mission {
-    let mut mission = mission.clone();
-    mission.shielding.as_mut().expect("a shield").secondaries = SecondariesCounted::Estimated;
-    mission
-}
-
-/// The source that is drawn as events.
+/// Protons of solar events.
 pub const SOLAR_PROTONS: &str = "solar-protons";
 
 /// Protons and nuclei of cosmic rays.
@@ -134,19 +107,6 @@ impl Compared {
     pub fn words(&self) -> String {
         format!("{:>7.2} +- {:.2} {:>8.2} {:>+9.1}", self.published, self.error, self.model, self.sigma())
     }
-}
-
-/// Whether all numbers are within the published errors, in words.
-pub fn verdict(compared: &[Compared]) -> String {
-    let worst = compared.iter().map(|one| one.sigma().abs()).fold(0.0, f64::max);
-    let within = compared.iter().filter(|one| one.sigma().abs() <= WITHIN_SIGMA).count();
-    let met = if met(compared) { "met" } else { "not met" };
-    format!("within {WITHIN_SIGMA} sigma: {within} of {}, largest {worst:.1} sigma: {met}", compared.len())
-}
-
-/// Whether all numbers are within the published errors.
-pub fn met(compared: &[Compared]) -> bool {
-    compared.iter().all(|one| one.sigma().abs() <= WITHIN_SIGMA)
 }
 
 /// Values and errors of a measurement file with columns time, value, sigma; the time as it stands there.

@@ -1,11 +1,9 @@
-//! Four cameras that flew: dose derived from what was known before launch, beside the published growth of damage.
+//! Four cameras that flew: dose under the Sun as it was, beside the published growth of damage.
 //!
 //! `cargo run --release --example hindcast -- hst` (or `xmm`, `chandra`, `gaia`, `goals`); docs/hindcast.md shows what it prints and
 //! discusses it.
 
 mod chandra;
-mod drawn;
-mod events;
 mod flown;
 mod gaia;
 mod hst;

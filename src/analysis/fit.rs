@@ -23,6 +23,7 @@ mod problem;
 pub mod profile;
 pub(crate) mod profile_errors;
 mod result;
+mod shield_and_nuclei;
 mod solve;
 pub(crate) mod species_order;
 
@@ -87,7 +88,8 @@ fn with_errors_as_given(
     let fit = plainer::plainer(&model, data, fit, options, progress);
     let model = model.like(&fit.mission);
     let parameters = profile_errors::widened(&model, data, &fit, progress)?;
-    let advice = open_sides::with_open_sides(&model, data, &fit, &parameters, progress)?;
+    let mut advice = open_sides::with_open_sides(&model, data, &fit, &parameters, progress)?;
+    advice.extend(shield_and_nuclei::with_shield_and_nuclei(&model, data, &fit, options, progress)?);
     let independence = Independence::of(data, &fit.values, &fit.jacobian);
     let warnings = data.iter().filter_map(|set| set.warning.clone()).collect();
     Ok(Fit { parameters, advice, independence, warnings, ..fit })

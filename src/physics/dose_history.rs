@@ -56,6 +56,8 @@ pub struct DoseHistory {
     pub reference_dose_mev_g: f64,
     /// Decimal year.
     launch: f64,
+    /// Time in which the Sun is taken as it was, years since launch.
+    observed_yr: Option<[f64; 2]>,
     /// Modulation of cosmic rays (GV) at decimal years, where it was observed.
     modulation_gv: Vec<(f64, f64)>,
     /// Future maxima of the Sun, after launch, that are extrapolated.
@@ -209,6 +211,7 @@ impl DoseHistory {
             derived: (!gives).then(|| Arc::new(mission.clone())),
             reference_dose_mev_g: mission.reference_dose_mev_g(),
             launch,
+            observed_yr: mission.observed_sun().map(|sun| sun.span().map(|year| year - launch)),
             modulation_gv: mission.observed_sun().map_or(Vec::new(), |sun| sun.modulation_gv()),
             extrapolated,
         };
@@ -576,6 +579,16 @@ impl DoseHistory {
     /// Whether the dose comes at the mean rate of a solar cycle, 7/11 of that of an active year, in every year.
     pub fn averages_the_cycle(&self) -> bool {
         self.active_share != 1.0
+    }
+
+    /// Start and end (years since launch) of the time in which the Sun is taken as it was; None if it is drawn at all times.
+    pub fn observed_yr(&self) -> Option<[f64; 2]> {
+        self.observed_yr
+    }
+
+    /// Years between two times (years since launch) in which the Sun is taken as it was.
+    pub fn observed_years(&self, from_yr: f64, to_yr: f64) -> f64 {
+        self.observed_yr.map_or(0.0, |[start, end]| (to_yr.min(end) - from_yr.max(start)).max(0.0))
     }
 
     /// Active years of the Sun, in years since launch, whether the dose follows them or not.

@@ -36,7 +36,7 @@ pub(super) fn of(mission: &Mission) -> Vec<Warning> {
         repeats.filter(|_| reached).map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
         (relative_error > 0.005).then_some(Warning::OrbitMean { relative_error }),
         (elements.perigee_km < LOW_KM).then_some(Warning::LowAltitude { perigee_km: elements.perigee_km }),
-        (long && reached).then_some(Warning::PerigeeMoves { held }),
+        (long && reached && mission.imported.orbits.is_empty()).then_some(Warning::PerigeeMoves { held }),
     ];
     warnings.extend(of_orbit.into_iter().flatten());
     warnings

@@ -119,18 +119,23 @@ impl SolarEventDoses {
         self.factor * (observed + drawn)
     }
 
-    /// Observed dose (MeV/g) of solar protons up to a time (years since launch), and its error (1 sigma) from calibration: that of a
-    /// satellite is common to its events.
-    pub fn observed_mev_g(&self, until_yr: f64) -> (f64, f64) {
-        let (mut sum, mut errors) = (0.0, Vec::<f64>::new());
-        for event in self.observed.iter().filter(|event| event.t_yr <= until_yr) {
-            sum += event.mean_mev_g;
-            errors.resize(errors.len().max(event.satellite + 1), 0.0);
-            errors[event.satellite] += event.mean_mev_g * event.sensitivity;
-        }
-        let error = errors.iter().map(|error| error * error).sum::<f64>().sqrt();
-        (self.factor * sum, self.factor * error)
+}
+
+/// Observed dose (MeV/g) of solar protons of a mission with this history up to a time (years since launch), and its error (1 sigma)
+/// from calibration: that of a satellite is common to its events. Zero if its Sun is drawn at all times, or solar protons are not
+/// among its sources.
+pub(crate) fn observed_mev_g(mission: &Mission, history: &DoseHistory, until_yr: f64) -> (f64, f64) {
+    let Ok(behind) = Behind::of(mission) else { return (0.0, 0.0) };
+    let (mut sum, mut errors) = (0.0, Vec::<f64>::new());
+    let events = observed(&behind, history, decimal_year(mission.mission.launch.0));
+    for event in events.iter().filter(|event| event.t_yr <= until_yr) {
+        sum += event.mean_mev_g;
+        errors.resize(errors.len().max(event.satellite + 1), 0.0);
+        errors[event.satellite] += event.mean_mev_g * event.sensitivity;
     }
+    let error = errors.iter().map(|error| error * error).sum::<f64>().sqrt();
+    let factor = mission.environment.dose_factor;
+    (factor * sum, factor * error)
 }
 
 /// The dose of an observed event.

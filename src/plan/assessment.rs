@@ -7,6 +7,7 @@ use crate::model::noise::Realisations;
 use crate::model::realise::{NoisyChange, realise};
 use crate::plan::date_distribution::{Confidence, DateDistribution, date_distribution};
 use crate::plan::evaluate::{Evaluation, evaluate};
+use crate::plan::flown::Flown;
 use crate::plan::mission_sample::MissionSample;
 pub use crate::plan::progress::Progress;
 use crate::plan::time_series::TimeSeries;
@@ -38,6 +39,8 @@ pub struct Assessment {
     pub noisy: Vec<Option<NoisyChange>>,
     /// The date as a distribution, if requested.
     pub distribution: Option<DateDistribution>,
+    /// Dose and traps up to the last observation of the Sun; None if it is not taken as it was.
+    pub flown: Option<Flown>,
     /// The requested probability of meeting the corrected budget.
     pub confidence: Option<f64>,
     /// The time series between the years; without it, no figures are drawn.
@@ -67,7 +70,8 @@ pub fn assess(mission: &Mission, options: &Options, progress: &Progress) -> Resu
         }
     };
     let noisy = noisy.unwrap_or_default();
-    Ok(Assessment { evaluation, noisy, distribution, confidence: options.confidence, time_series })
+    let flown = Flown::of(mission)?;
+    Ok(Assessment { evaluation, noisy, distribution, flown, confidence: options.confidence, time_series })
 }
 
 /// Each galaxy `count` times with noise, at the end of the mission.

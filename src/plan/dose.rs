@@ -1,9 +1,11 @@
 //! A mission's dose in the detail that a radiation engineer needs: the product of `ctiplan dose`.
 
+mod events;
 mod explain;
 mod samples;
 mod source;
 
+pub use events::EventDose;
 pub use explain::{Explained, Step};
 pub use samples::{QUANTILES, Quantile, SampledYear, Samples};
 pub use source::{SourceSpectrum, SourceSurvey, SourceYear};
@@ -83,6 +85,9 @@ pub struct Survey {
     /// From the spectrum to the dose, step by step; None if the mission gives its dose.
     #[serde(skip)]
     pub explained: Option<Explained>,
+    /// Observed solar events, the largest dose first; empty if the Sun is drawn at all times.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<EventDose>,
     /// Whether to show the steps.
     #[serde(skip)]
     pub explain: bool,
@@ -109,8 +114,11 @@ pub struct CalendarYear {
     pub year: i32,
     /// Part of it within the mission, yr.
     pub flown_yr: f64,
-    /// Active part of that, yr.
+    /// Active part of that, yr; with an observed Sun, after the observations.
     pub active_yr: f64,
+    /// Part of it in which the Sun is taken as it was, yr.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub observed_yr: f64,
     /// Dose in it, MeV/g.
     pub dose_mev_g: f64,
     /// Dose since launch at its end, MeV/g.
@@ -213,6 +221,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
         secondaries_counted: shielding.is_some_and(|shield| shield.secondaries == SecondariesCounted::Estimated),
         derived_mev_g: derived_in_place_of_imports(mission),
         explained: Explained::of(mission, &history),
+        events: EventDose::all(mission, &history),
         explain: false,
         samples: None,
         warnings: warnings(mission, &history),
@@ -340,7 +349,8 @@ impl AtConfidence {
             let mut mission = derived(mission);
             mission.environment.confidence = confidence;
             mission.environment.accumulate = Some(accumulate);
-            mission.environment.active_years = Some(active_years);
+            // An observed Sun has those of the calendar.
+            mission.environment.active_years = mission.observed_sun().is_none().then_some(active_years);
             total(&mission)
         };
         mission.place()?;
@@ -385,11 +395,17 @@ fn calendar_years(model: &Model) -> Result<Vec<CalendarYear>, InputError> {
             year,
             flown_yr: end_yr - start_yr,
             active_yr: history.active_years(end_yr) - history.active_years(start_yr),
+            observed_yr: history.observed_years(start_yr, end_yr),
             dose_mev_g,
             cumulative_mev_g,
         })
     };
     source::calendar_years(&model.mission).map(of).collect()
+}
+
+/// Whether a part of a year is none.
+fn is_zero(years: &f64) -> bool {
+    *years == 0.0
 }
 
 /// Number of times of the dose curve besides those at which it bends or jumps.

@@ -127,6 +127,10 @@ pub fn compare(
         .zip(&names)
         .flat_map(|named| combinations.iter().map(move |settings| (named, settings)))
         .collect::<Vec<_>>();
+    let flown = scenarios.iter().map(|((candidate, _), settings)| candidate.mission.with(settings));
+    let flown = flown.collect::<Result<Vec<Mission>, InputError>>()?;
+    let asked = axes.iter().any(|axis| axis.key == sun::SUN);
+    notes.extend(sun::of_the_past(flown.iter(), asked)?.map(String::from));
     let scenarios = parallel::try_map(scenarios, |((candidate, name), settings)| {
         scenario(candidate, name, settings, confidence).inspect(|_| progress())
     })?;

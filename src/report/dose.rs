@@ -137,6 +137,8 @@ impl Survey {
                 match (self.history.averages_the_cycle(), year.active_yr) {
                     (true, _) => "mean",
                     _ if self.origin() == RateOrigin::History => "-",
+                    _ if year.observed_yr > year.flown_yr - 1e-9 => "observed",
+                    _ if year.observed_yr > 0.0 => "observed in part",
                     (false, 0.0) => "quiet",
                     (false, active) if active < year.flown_yr - 1e-9 => "partly",
                     _ => "active",

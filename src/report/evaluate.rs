@@ -3,6 +3,7 @@
 mod compliance;
 mod distribution;
 mod figures;
+mod flown;
 mod noise;
 mod population;
 
@@ -21,6 +22,7 @@ use crate::plan::compliance::{Line, lines, passes};
 use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
+use crate::plan::flown::Flown;
 use crate::report::plot::Figure;
 use crate::report::validate::significant;
 
@@ -31,6 +33,8 @@ struct Document<'a> {
     evaluation: &'a Evaluation,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     monte_carlo: Vec<Realisations<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    flown: Option<&'a Flown>,
     #[serde(skip_serializing_if = "Option::is_none")]
     distribution: Option<&'a DateDistribution>,
     compliance: Vec<Line>,
@@ -72,7 +76,8 @@ impl Serialize for Assessment {
         let compliance = self.lines();
         let passes = passes(&compliance);
         let confidence = self.confidence;
-        Document { evaluation: &self.evaluation, monte_carlo, distribution, compliance, confidence, passes }
+        let flown = self.flown.as_ref();
+        Document { evaluation: &self.evaluation, monte_carlo, flown, distribution, compliance, confidence, passes }
             .serialize(to)
     }
 }
@@ -139,6 +144,9 @@ impl Page for Assessment {
         );
         out.gap();
 
+        if let Some(flown) = &self.flown {
+            flown::say(flown, mission, &mut out);
+        }
         self.doses(&mut out);
         out.heading("Change of ellipticity, delta e1");
         for changes in changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()) {

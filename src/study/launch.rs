@@ -28,6 +28,8 @@ pub struct Launch {
     pub launches: Option<Vec<NaiveDate>>,
     /// Whether an average dose over the solar cycle was requested explicitly, and is used.
     pub keep_average: bool,
+    /// Whether the Sun at times that were observed was requested explicitly: then observed and drawn Suns may be compared.
+    pub keep_sun: bool,
     /// The probability with which budgets are to be met; if given, launches are ranked by it.
     pub confidence: Option<Confidence>,
 }
@@ -81,6 +83,9 @@ impl Study for Launch {
         let model = ready(&flown)?;
         let given = self.launches.clone().filter(|dates| !dates.is_empty());
         let dates = given.unwrap_or_else(|| half_years(mission.mission.launch.0));
+        let missions = dates.iter().map(|date| launched(&model.mission, *date));
+        let missions = missions.collect::<Result<Vec<Mission>, InputError>>()?;
+        let note = note.or(sun::of_the_past(missions.iter(), self.keep_sun)?);
         let launches = parallel::try_map(&dates, |date| Launched::of(&model, *date, self.confidence, advance))?;
         Ok(Results {
             ranking: Ranking::of(&launches.iter().map(|launched| launched.merit).collect::<Vec<_>>()),
@@ -99,6 +104,12 @@ fn half_years(first: NaiveDate) -> Vec<NaiveDate> {
     range::by_months(first, last, STEP_MONTHS)
 }
 
+/// The mission with another launch.
+fn launched(mission: &Mission, launch: NaiveDate) -> Result<Mission, InputError> {
+    let date: toml::value::Datetime = Date(launch).into();
+    mission.with(&[("mission.launch".into(), date.into())])
+}
+
 impl Launched {
     fn of(
         model: &Model,
@@ -106,8 +117,7 @@ impl Launched {
         confidence: Option<Confidence>,
         advance: &(dyn Fn() + Sync),
     ) -> Result<Launched, InputError> {
-        let date: toml::value::Datetime = Date(launch).into();
-        let mission = model.mission.with(&[("mission.launch".into(), date.into())])?;
+        let mission = launched(&model.mission, launch)?;
         let model = model.like(&mission);
         advance();
         let curve = Curve::of(&model)?;

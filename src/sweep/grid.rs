@@ -84,6 +84,19 @@ pub enum Holds {
     Days,
 }
 
+impl Values {
+    /// All values of a list, the first and the last of days that are drawn, none of other distributions.
+    fn ends(&self) -> Vec<Value> {
+        match self {
+            Values::Listed(values) | Values::Chosen(values) => values.clone(),
+            Values::DrawnDays(first, last) => {
+                [*first, *last].map(|day| toml::value::Datetime::from(Date(day)).into()).to_vec()
+            }
+            Values::Drawn(_) | Values::DrawnWhole(_) => Vec::new(),
+        }
+    }
+}
+
 impl Grid {
     /// Reads a grid file and its missions.
     ///

@@ -172,6 +172,19 @@ pub enum Advice {
         /// Their correlation.
         correlation: f64,
     },
+    /// It changes with a key that is held, at about the same chi2.
+    DependsOn {
+        /// The key.
+        key: String,
+        /// The one that is held.
+        held: String,
+        /// Its value, and another one.
+        values: [f64; 2],
+        /// The fitted values with these.
+        found: [f64; 2],
+        /// Increase of chi2 with the other one.
+        rise: f64,
+    },
     /// The fit is limited by a bound.
     AtBound {
         /// The key.

@@ -24,8 +24,9 @@ impl Options for Launch {
     fn study(&self, keys_set: &[&str]) -> Result<launch::Launch, InputError> {
         // An average over the solar cycle that is set in the same command is intended.
         let keep_average = keys_set.contains(&sun::MODEL);
+        let keep_sun = keys_set.contains(&sun::SUN);
         let launches = self.launch.as_deref().map(dates).transpose()?;
-        Ok(launch::Launch { launches, keep_average, confidence: self.confident.confidence() })
+        Ok(launch::Launch { launches, keep_average, keep_sun, confidence: self.confident.confidence() })
     }
 }
 

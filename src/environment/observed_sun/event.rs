@@ -1,6 +1,6 @@
 //! An observed solar proton event → its fluence spectrum at 1 AU.
 //!
-//! Between the energies of the list the fluence is a power of the energy. Above the last one it is a power of the rigidity, the
+//! Between the energies of the list the fluence is a power of the energy, and below the first one with the slope of ESP. Above the last one it is a power of the rigidity, the
 //! upper branch of the Band function that Tylka & Dietrich 2009 (31st ICRC, Lodz, paper 273) fit to events up to 10 GV:
 //!
 //! ```text
@@ -29,6 +29,11 @@ pub struct Event {
     /// Energy (MeV, ascending) and omnidirectional fluence above it (cm⁻², never rising).
     above_cm2: Vec<(f64, f64)>,
 }
+
+/// Lowest energy of a spectrum, MeV, and slope of the fluence with energy below the first one of the list: that of ESP's mean year
+/// from 1 to 5 MeV. Two micrometres of aluminium stop 0.2 MeV, 0.2 mm stop 5 MeV.
+const LOWEST_MEV: f64 = 0.1;
+const SLOPE_BELOW: f64 = 0.93;
 
 /// Least slope of the fluence with rigidity above the last energy.
 const LEAST_SLOPE: f64 = 3.8;
@@ -62,9 +67,16 @@ impl Event {
 
     /// Its spectrum, with the calibration of its satellite off by a number of standard deviations.
     pub fn spectrum(&self, deviation: f64) -> Spectrum {
-        let mut nodes = self.above_cm2.clone();
+        let mut nodes: Vec<(f64, f64)> = self.below().into_iter().collect();
+        nodes.extend(&self.above_cm2);
         nodes.extend(self.beyond());
         Spectrum::of(nodes.iter().map(|(mev, cm2)| (*mev, cm2 * (deviation * relative_error(*mev)).exp())), Law::Power)
+    }
+
+    /// Fluence above 0.1 MeV.
+    fn below(&self) -> Option<(f64, f64)> {
+        let (mev, cm2) = *self.above_cm2.first()?;
+        (mev > LOWEST_MEV).then(|| (LOWEST_MEV, cm2 * (LOWEST_MEV / mev).powf(-SLOPE_BELOW)))
     }
 
     /// Fluences above the last energy of the list.

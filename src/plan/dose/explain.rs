@@ -1,5 +1,7 @@
 //! From the particle spectrum to MeV/g, in steps that can be checked by hand.
 
+use chrono::NaiveDate;
+
 use crate::environment::proton::RANGE_ALUMINIUM;
 use crate::mission::{Mission, SolarPhase};
 use crate::physics::{DoseHistory, SourceDose};
@@ -20,8 +22,10 @@ pub enum Step {
         orbit: String,
         /// Length of the mission, yr.
         duration_yr: f64,
-        /// Active years of the Sun in it.
+        /// Active years of the Sun in it; with an observed Sun, after the observations.
         active_years: f64,
+        /// Last day on which the Sun is taken as it was; None if it is drawn at all times.
+        observed_to: Option<NaiveDate>,
     },
     /// The source with the largest share of the dose.
     Source {
@@ -118,7 +122,12 @@ impl Explained {
         let most = (0..doses.len()).max_by(|a, b| doses[*a].1.total_cmp(&doses[*b].1))?;
         let source = &history.sources[most];
         let mut steps = vec![
-            Step::Orbit { orbit: mission.orbit_name(), duration_yr, active_years: history.active_years(duration_yr) },
+            Step::Orbit {
+                orbit: mission.orbit_name(),
+                duration_yr,
+                active_years: history.active_years(duration_yr),
+                observed_to: mission.observed_sun().map(|sun| sun.record().to.date()),
+            },
             Step::Source {
                 name: source.name.clone(),
                 law: source.card.map(|card| card.law),

@@ -1,8 +1,8 @@
 //! `ctiplan dose --explain`: from the particle spectrum to MeV/g, one numbered line per step.
 
 use crate::mission::SolarPhase;
-use crate::plan::dose::{Step, Survey};
-use crate::report::Parts;
+use crate::plan::dose::{EventDose, Step, Survey};
+use crate::report::{Parts, table};
 
 /// The steps, if requested.
 pub(super) fn said(survey: &Survey, out: &mut Parts) {
@@ -22,6 +22,49 @@ pub(super) fn said(survey: &Survey, out: &mut Parts) {
     for (index, line) in steps.chain(last).enumerate() {
         out.words(format!("{:2}. {line}", index + 1), 4);
     }
+    events(survey, out);
+}
+
+/// Events that have less than this share of the dose are not listed, nor more events than this number.
+const LEAST_SHARE: f64 = 0.01;
+const MOST_EVENTS: usize = 12;
+
+/// The observed events that matter.
+fn events(survey: &Survey, out: &mut Parts) {
+    let matter: Vec<&EventDose> = survey.large_events().collect();
+    if survey.events.is_empty() {
+        return;
+    }
+    out.heading("Solar proton events that matter, with fluences outside the magnetosphere");
+    let mut rows = table(&["start", "above 10 MeV [1/cm2]", "above 100 MeV [1/cm2]", "dose [MeV/g]", "share [%]"]);
+    let line = |name: String, events: &[&EventDose]| {
+        let sum = |of: fn(&EventDose) -> f64| events.iter().map(|event| of(event)).sum::<f64>();
+        vec![
+            name,
+            format!("{:.2e}", sum(|event| event.above_10_mev_cm2)),
+            format!("{:.2e}", sum(|event| event.above_100_mev_cm2)),
+            format!("{:.3e}", sum(|event| event.dose_mev_g)),
+            format!("{:.1}", 100.0 * sum(|event| event.share)),
+        ]
+    };
+    for event in &matter {
+        rows.add_row(line(event.start.date().to_string(), &[event]));
+    }
+    let others: Vec<&EventDose> = survey.events.iter().skip(matter.len()).collect();
+    rows.add_row(line(format!("{} others", others.len()), &others));
+    out.table(rows);
+    out.words(
+        "Calibration errors of the fluences: 10 % above 10 MeV to 35 % above 100 MeV, common to the events of a satellite. Above \
+         100 MeV the spectra are continued as a power of rigidity.",
+        2,
+    );
+}
+
+impl Survey {
+    /// The observed events that matter, the largest dose first.
+    pub(super) fn large_events(&self) -> impl Iterator<Item = &EventDose> {
+        self.events.iter().take(MOST_EVENTS).take_while(|event| event.share >= LEAST_SHARE)
+    }
 }
 
 /// The sum of all sources, MeV/g.
@@ -35,9 +78,12 @@ fn sum(steps: &[Step]) -> f64 {
 
 fn words(step: &Step, confidence: f64) -> String {
     match step {
-        Step::Orbit { orbit, duration_yr, active_years } => {
-            format!("orbit {orbit}; {duration_yr} yr with {active_years:.2} active years of the Sun")
-        }
+        Step::Orbit { orbit, duration_yr, active_years, observed_to } => match observed_to {
+            None => format!("orbit {orbit}; {duration_yr} yr with {active_years:.2} active years of the Sun"),
+            Some(day) => format!(
+                "orbit {orbit}; {duration_yr} yr, with the Sun as it was to {day} and {active_years:.2} active years after that"
+            ),
+        },
         Step::Source { name, law, share, held } => {
             let law = law.map_or(String::new(), |law| format!(": {law}"));
             let held = match held {

@@ -45,6 +45,10 @@ impl Survey {
             &years,
             self.over_time.iter().map(|(_, dose_mev_g)| *dose_mev_g).collect(),
         ));
+        sum.extend(self.large_events().enumerate().map(|(index, event)| Series {
+            label: (index == 0).then(|| "observed solar events".into()),
+            ..dashed("", 2, &[self.launch + event.t_yr; 2], vec![0.0, self.total_mev_g])
+        }));
         let panel = |y_label: &str, series| Panel {
             x_label: "year".into(),
             y_label: y_label.into(),

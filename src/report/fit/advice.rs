@@ -34,6 +34,14 @@ impl fmt::Display for Advice {
                 "{} and {}: correlated ({correlation:+.3}); only their combination is constrained",
                 keys[0], keys[1]
             ),
+            Advice::DependsOn { key, held, values, found, rise } => write!(
+                out,
+                "{key}: {} with {held} = {}, but {} with {} (chi2 {rise:+.1}); only a combination of the two is constrained",
+                significant(found[0]),
+                significant(values[0]),
+                significant(found[1]),
+                significant(values[1])
+            ),
             Advice::AtBound { key, bound } => write!(out, "{key}: at its bound, {}", plain(*bound)),
             Advice::Open { key, above, value, unit, rise } => {
                 let limit = if *above { "a lower" } else { "an upper" };

@@ -14,7 +14,7 @@ use crate::mission::{Date, Mission};
 use crate::mission_file::lookup;
 use crate::mission_file::{check_value, line_at};
 use crate::numeric::sample_points::{MOST_SOBOL, Sample, Sampling};
-use crate::plan::scenario;
+use crate::plan::scenario::{self, sun};
 use crate::sweep::distribution::Distribution;
 use crate::sweep::output::Output;
 
@@ -124,7 +124,8 @@ impl Source<'_> {
         self.check_sobol(sampling, draws, drawn.len())?;
         let sample = Sample::new(sampling.unwrap_or(Sampling::MonteCarlo), seed, draws, drawn.len());
         self.check_draws(&drawn, &sample, draws)?;
-        let axes = axes.into_iter().map(|placed| placed.axis).collect();
+        let axes: Vec<Axis> = axes.into_iter().map(|placed| placed.axis).collect();
+        self.check_suns(&missions, &axes)?;
         let mut grid = Grid {
             name,
             missions,
@@ -139,6 +140,22 @@ impl Source<'_> {
         };
         grid.fingerprint = grid.hash();
         Ok(grid)
+    }
+
+    /// Checks that observed and drawn Suns are not mixed, unless the Sun is an axis.
+    fn check_suns(&self, missions: &[(String, Mission)], axes: &[Axis]) -> Result<(), InputError> {
+        let launches = axes.iter().find(|axis| axis.key == "mission.launch").map_or(Vec::new(), |axis| axis.values.ends());
+        let launched = |mission: &Mission| {
+            let at = |launch: &Value| mission.with(&[("mission.launch".to_string(), launch.clone())]);
+            if launches.is_empty() { Ok(vec![mission.clone()]) } else { launches.iter().map(at).collect() }
+        };
+        let flown = missions.iter().map(|(_, mission)| launched(mission)).collect::<Result<Vec<Vec<Mission>>, InputError>>()?;
+        let asked = axes.iter().any(|axis| axis.key == sun::SUN);
+        let mixed = sun::of_the_past(flown.iter().flatten(), asked);
+        mixed.map(|_| ()).map_err(|error| {
+            let help = "write environment.sun = [\"drawn\"] under [axes], or [\"observed\"] to compare them as they are";
+            InputError { refused: self.refused.into(), ..error }.with_help(help)
+        })
     }
 
     /// Checks that every top-level key of the file is known.
