@@ -32,13 +32,19 @@ pub fn report() -> Vec<String> {
             let flown = Flown::behind(&set, thickness_mm);
             for until in UNTIL {
                 let (share, dose) = share_and_dose(&flown, until);
-                lines.push(format!(" {thickness_mm:<6} {nuclei:>14.2}  {until:.1} {:>16.1} {dose:>17.2}", 100.0 * share));
+                lines.push(format!(
+                    " {thickness_mm:<6} {nuclei:>14.2}  {until:.1} {:>16.1} {dose:>17.2}",
+                    100.0 * share
+                ));
             }
         }
     }
     let (median, seen) = (Flown::new(&drawn(&mission)), Flown::new(&mission));
     lines.push(String::new());
-    lines.push("Dose rate behind 15 mm, 1e5 MeV/g/yr: solar protons, cosmic rays; before launch (median) and as observed".into());
+    lines.push(
+        "Dose rate behind 15 mm, 1e5 MeV/g/yr: solar protons, cosmic rays; before launch (median) and as observed"
+            .into(),
+    );
     for year in 2014..2020 {
         let from = f64::from(year);
         let rates = |flown: &Flown| {

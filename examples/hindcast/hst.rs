@@ -30,11 +30,8 @@ pub fn on_a_circle() -> Mission {
 /// Published growth in the intervals over that in all: the fit to 176 dates, with a lag of 0, 100, 200, 300 and 400 d.
 pub fn published() -> Vec<[f64; 3]> {
     let text = include_str!("../../missions/flown/hst_acs_density_fitted_176_dates.csv");
-    let rows: Vec<Vec<&str>> = text
-        .lines()
-        .filter(|line| line.starts_with("20"))
-        .map(|line| line.split(',').collect())
-        .collect();
+    let rows: Vec<Vec<&str>> =
+        text.lines().filter(|line| line.starts_with("20")).map(|line| line.split(',').collect()).collect();
     let years: Vec<f64> = rows.iter().map(|row| flown::year_of(row[0])).collect();
     let of_lag = |column: usize| {
         let at = |year: f64| {
@@ -99,7 +96,8 @@ pub fn report() -> Vec<String> {
     for altitude_km in [590.0, 560.0, 540.0] {
         let settings = [("orbit.perigee_km", altitude_km.into()), ("orbit.apogee_km", altitude_km.into())];
         let flown = Flown::new(&with(&circle, &settings));
-        let rates = [2003.0, 2009.0, 2014.0, 2019.0].map(|year| format!("{:>7.2}", 1e-6 * flown.rate(year, year + 1.0)));
+        let rates =
+            [2003.0, 2009.0, 2014.0, 2019.0].map(|year| format!("{:>7.2}", 1e-6 * flown.rate(year, year + 1.0)));
         lines.push(format!(" {altitude_km:<7} {}", rates.join(" ")));
     }
     lines

@@ -32,7 +32,13 @@ impl Catalogued for SacrificialCharge {
                     maximum, at every signal_e. The dose is correct.",
         keys: &[Key {
             help: percentage,
-            ..key("filled", "fraction of the traps that are full, at the mean rate of cosmic rays", "", FRACTION, Required)
+            ..key(
+                "filled",
+                "fraction of the traps that are full, at the mean rate of cosmic rays",
+                "",
+                FRACTION,
+                Required,
+            )
         }],
     };
 

@@ -160,9 +160,7 @@ impl When {
                 within(from, to) - within(from.max(*start), to.min(*end))
             }
             When::Series(points) => on_line(points, to) - on_line(points, from),
-            When::Event { from: start, to: end, .. } => {
-                (to.min(*end) - from.max(*start)).max(0.0) / (end - start)
-            }
+            When::Event { from: start, to: end, .. } => (to.min(*end) - from.max(*start)).max(0.0) / (end - start),
         }
     }
 

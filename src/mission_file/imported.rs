@@ -138,7 +138,8 @@ fn temperatures(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
 fn solar_events(mission: &Mission) -> Result<Option<Arc<Record>>, Refusal> {
     let Some(file) = &mission.environment.solar_events else { return Ok(None) };
     let read = read_solar_events(file).map_err(within)?;
-    let record = Record::with(read).map_err(|problem| wrong("environment.solar_events", format!("{file}: {problem}")))?;
+    let record =
+        Record::with(read).map_err(|problem| wrong("environment.solar_events", format!("{file}: {problem}")))?;
     Ok(Some(Arc::new(record)))
 }
 

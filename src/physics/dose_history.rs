@@ -267,7 +267,8 @@ impl DoseHistory {
         let since_launch = |source: &Arc<SourceDose>| {
             let points = source.observed().iter();
             let (launch, before) = (self.launch, on_line(source.observed(), self.launch));
-            let after = points.filter(|point| point.0 > launch).map(|(year, dose)| (year - launch, factor * (dose - before)));
+            let after =
+                points.filter(|point| point.0 > launch).map(|(year, dose)| (year - launch, factor * (dose - before)));
             iter::once((0.0, 0.0)).chain(after).collect::<Vec<_>>()
         };
         let observed = self.sources.iter().filter(|source| !source.observed().is_empty()).map(since_launch);
@@ -457,8 +458,7 @@ impl DoseHistory {
         let after = self.windows.partition_point(|(start, _)| *start <= t_yr);
         let active = after > 0 && t_yr < self.windows[after - 1].1;
         let active_rate = if active { self.active_share * self.active_rate_mev_g_yr } else { 0.0 };
-        let cyclic: f64 =
-            self.cyclic.iter().map(|cyclic| cyclic.rate_mev_g_yr(self.launch + t_yr)).sum();
+        let cyclic: f64 = self.cyclic.iter().map(|cyclic| cyclic.rate_mev_g_yr(self.launch + t_yr)).sum();
         let rate = active_rate + self.floor_mev_g_yr + cyclic + tabulated(&self.table, t_yr).1;
         let factors = self.modulations.iter().map(|modulation| modulation.factor(self.launch + t_yr));
         let rate = rate * factors.product::<f64>();

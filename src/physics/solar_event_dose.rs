@@ -118,7 +118,6 @@ impl SolarEventDoses {
         };
         self.factor * (observed + drawn)
     }
-
 }
 
 /// Observed dose (MeV/g) of solar protons of a mission with this history up to a time (years since launch), and its error (1 sigma)
@@ -161,7 +160,8 @@ impl ObservedDose {
 
 /// Observed doses of solar protons in a history; empty if the Sun is drawn at all times.
 fn observed(behind: &Behind, history: &DoseHistory, launch: f64) -> Vec<ObservedDose> {
-    let streams = history.sources.iter().filter(|source| source.name == SOLAR_PROTONS).flat_map(|source| &source.streams);
+    let streams =
+        history.sources.iter().filter(|source| source.name == SOLAR_PROTONS).flat_map(|source| &source.streams);
     let streams: Vec<_> = streams.filter(|dosed| dosed.stream.when.is_observed()).collect();
     let mut satellites: Vec<&str> = Vec::new();
     for dosed in &streams {

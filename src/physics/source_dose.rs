@@ -62,14 +62,20 @@ impl SourceDose {
 
     /// The same with the protons multiplied by a factor at all times that were not observed.
     fn times(&self, factor: f64) -> SourceDose {
-        let stream = |dosed: &StreamDose| if dosed.stream.when.is_observed() { dosed.clone() } else { StreamDose {
-            stream: Stream { yearly: dosed.stream.yearly.times(factor), when: dosed.stream.when.clone() },
-            dose_mev_g_yr: factor * dosed.dose_mev_g_yr,
-            secondaries: Secondaries {
-                lost_mev_g: factor * dosed.secondaries.lost_mev_g,
-                neutrons_mev_g: factor * dosed.secondaries.neutrons_mev_g,
-            },
-        }};
+        let stream = |dosed: &StreamDose| {
+            if dosed.stream.when.is_observed() {
+                dosed.clone()
+            } else {
+                StreamDose {
+                    stream: Stream { yearly: dosed.stream.yearly.times(factor), when: dosed.stream.when.clone() },
+                    dose_mev_g_yr: factor * dosed.dose_mev_g_yr,
+                    secondaries: Secondaries {
+                        lost_mev_g: factor * dosed.secondaries.lost_mev_g,
+                        neutrons_mev_g: factor * dosed.secondaries.neutrons_mev_g,
+                    },
+                }
+            }
+        };
         SourceDose { streams: self.streams.iter().map(stream).collect(), ..self.clone() }
     }
 

@@ -38,6 +38,7 @@ mod measure;
 mod measurements;
 mod missions;
 mod noise;
+mod observed_sun;
 mod one_chain;
 mod orbit_dose;
 mod other_files;

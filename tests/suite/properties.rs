@@ -117,7 +117,7 @@ fn set(mission: &Mission, key: &str, value: impl Into<toml::Value>) -> Mission {
 }
 
 fn report(evaluation: Evaluation) -> Assessment {
-    Assessment { evaluation, noisy: Vec::new(), distribution: None, confidence: None, time_series: None }
+    Assessment { evaluation, noisy: Vec::new(), distribution: None, flown: None, confidence: None, time_series: None }
 }
 
 /// Dose at the end of the mission, MeV/g.

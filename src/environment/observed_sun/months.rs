@@ -37,7 +37,10 @@ pub(super) fn modulation_gv() -> &'static [(NaiveDateTime, f64)] {
 
 /// The start of the month after one.
 fn next(start: NaiveDateTime) -> NaiveDateTime {
-    start.date().checked_add_months(chrono::Months::new(1)).map_or(start, |day| day.and_hms_opt(0, 0, 0).expect("midnight"))
+    start
+        .date()
+        .checked_add_months(chrono::Months::new(1))
+        .map_or(start, |day| day.and_hms_opt(0, 0, 0).expect("midnight"))
 }
 
 /// Smoothed sunspot numbers at which AP-8 MIN and MAX hold: 13-month means of the international number v2.0 at the minimum of

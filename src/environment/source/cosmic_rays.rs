@@ -107,9 +107,8 @@ mod tests {
         for modulation_gv in [0.255, 0.33, 0.47, 0.7, 1.1, 1.5, 2.016] {
             let exact = yearly(modulation_gv);
             for energy_mev in [30.0, 100.0, 1000.0] {
-                let sum: f64 = (0..LEVELS)
-                    .map(|node| level_weight(node, modulation_gv) * nodes[node].above(energy_mev))
-                    .sum();
+                let sum: f64 =
+                    (0..LEVELS).map(|node| level_weight(node, modulation_gv) * nodes[node].above(energy_mev)).sum();
                 assert!((sum / exact.above(energy_mev) - 1.0).abs() < 1e-3, "{modulation_gv} GV, {energy_mev} MeV");
             }
         }

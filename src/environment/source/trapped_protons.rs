@@ -97,8 +97,12 @@ impl Flown<'_> {
             return vec![of(fixed, &|_| 1.0)];
         }
         let hat = |index: usize| {
-            let points: Vec<(f64, f64)> =
-                self.orbits.iter().enumerate().map(|(other, (year, _))| (*year, f64::from(u8::from(other == index)))).collect();
+            let points: Vec<(f64, f64)> = self
+                .orbits
+                .iter()
+                .enumerate()
+                .map(|(other, (year, _))| (*year, f64::from(u8::from(other == index))))
+                .collect();
             move |year: f64| on_line(&points, year)
         };
         self.orbits.iter().enumerate().map(|(index, (_, elements))| of(elements, &hat(index))).collect()

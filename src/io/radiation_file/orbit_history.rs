@@ -60,7 +60,9 @@ pub fn read_orbit_history(path: impl AsRef<Path>, allowed_km: [f64; 2]) -> Resul
 fn altitudes(columns: &Columns, name: &'static str, [least, greatest]: [f64; 2]) -> Result<Vec<f64>, InputError> {
     let altitudes = columns.numbers(name, "km")?;
     match altitudes.iter().position(|km| !(least..=greatest).contains(km)) {
-        Some(row) => Err(columns.fault(Some(row), name, format!("allowed: {least} to {greatest} km above the surface"))),
+        Some(row) => {
+            Err(columns.fault(Some(row), name, format!("allowed: {least} to {greatest} km above the surface")))
+        }
         None => Ok(altitudes),
     }
 }

@@ -141,6 +141,8 @@ fn gaps(source: &Source, columns: &Columns) -> Result<Vec<(NaiveDateTime, NaiveD
     };
     let words = cell.text().unwrap_or("").split_whitespace().map(gap).collect::<Option<Vec<_>>>();
     words.filter(|gaps| !gaps.is_empty()).ok_or_else(|| {
-        source.refuse("meta.gaps is not a list of times").with_help("write gaps: '2003-12-01/2003-12-10 2024-06-23/2024-06-26'")
+        source
+            .refuse("meta.gaps is not a list of times")
+            .with_help("write gaps: '2003-12-01/2003-12-10 2024-06-23/2024-06-26'")
     })
 }

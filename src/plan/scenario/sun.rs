@@ -70,16 +70,16 @@ pub(crate) fn of_the_past<'a>(
     let Some((first, _)) = flown.first() else { return Ok(None) };
     let all = |share: f64| flown.iter().all(|other| (other.1 - share).abs() < 1e-6);
     let wanted = |mission: &Mission| mission.observed_sun().is_some();
-    let same_sun = flown.iter().all(|(other, _)| {
-        other.mission.launch == first.mission.launch && wanted(other) == wanted(first)
-    });
+    let same_sun =
+        flown.iter().all(|(other, _)| other.mission.launch == first.mission.launch && wanted(other) == wanted(first));
     if all(0.0) || all(1.0) || same_sun {
         return Ok(None);
     }
     if asked {
         return Ok(Some(MIXED));
     }
-    let (least, most) = (flown.iter().map(|one| one.1).fold(1.0, f64::min), flown.iter().map(|one| one.1).fold(0.0, f64::max));
+    let (least, most) =
+        (flown.iter().map(|one| one.1).fold(1.0, f64::min), flown.iter().map(|one| one.1).fold(0.0, f64::max));
     let problem = format!(
         "they have different Suns: observed in {:.0} to {:.0} % of their time, drawn in the rest",
         100.0 * least,

@@ -144,16 +144,19 @@ impl Source<'_> {
 
     /// Checks that observed and drawn Suns are not mixed, unless the Sun is an axis.
     fn check_suns(&self, missions: &[(String, Mission)], axes: &[Axis]) -> Result<(), InputError> {
-        let launches = axes.iter().find(|axis| axis.key == "mission.launch").map_or(Vec::new(), |axis| axis.values.ends());
+        let launches =
+            axes.iter().find(|axis| axis.key == "mission.launch").map_or(Vec::new(), |axis| axis.values.ends());
         let launched = |mission: &Mission| {
             let at = |launch: &Value| mission.with(&[("mission.launch".to_string(), launch.clone())]);
             if launches.is_empty() { Ok(vec![mission.clone()]) } else { launches.iter().map(at).collect() }
         };
-        let flown = missions.iter().map(|(_, mission)| launched(mission)).collect::<Result<Vec<Vec<Mission>>, InputError>>()?;
+        let flown =
+            missions.iter().map(|(_, mission)| launched(mission)).collect::<Result<Vec<Vec<Mission>>, InputError>>()?;
         let asked = axes.iter().any(|axis| axis.key == sun::SUN);
         let mixed = sun::of_the_past(flown.iter().flatten(), asked);
         mixed.map(|_| ()).map_err(|error| {
-            let help = "write environment.sun = [\"drawn\"] under [axes], or [\"observed\"] to compare them as they are";
+            let help =
+                "write environment.sun = [\"drawn\"] under [axes], or [\"observed\"] to compare them as they are";
             InputError { refused: self.refused.into(), ..error }.with_help(help)
         })
     }
