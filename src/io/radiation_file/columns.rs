@@ -78,17 +78,20 @@ impl<'a> Columns<'a> {
 
     /// The column's fluxes or fluences, omnidirectional and in the unit of its name, of the same kind.
     pub fn fluxes(&self, name: &str, unit: &str) -> Result<Vec<f64>, InputError> {
+        let factor = self.flux_factor(name, unit)?;
+        self.converted(name, |theirs| factor * theirs)
+    }
+
+    /// The factor from the unit in the header of a column of fluxes or fluences to the omnidirectional unit of its name.
+    pub fn flux_factor(&self, name: &str, unit: &str) -> Result<f64, InputError> {
         let kind = Unit::parse(unit).and_then(Unit::flux).expect("a unit of this crate");
-        let Some(stated) = self.table.column(name).and_then(|column| column.unit.as_deref()) else {
-            return self.converted(name, |theirs| theirs);
-        };
+        let Some(stated) = self.table.column(name).and_then(|column| column.unit.as_deref()) else { return Ok(1.0) };
         let theirs = Unit::parse(stated).and_then(Unit::flux).filter(|theirs| (theirs.0, theirs.1) == (kind.0, kind.1));
-        let (.., factor) = theirs.ok_or_else(|| {
+        theirs.map(|(.., factor)| factor).ok_or_else(|| {
             let problem =
                 format!("the unit \"{stated}\" cannot be converted to {unit}; allowed: {unit}, also per sr, m2, keV");
             self.fault(None, name, problem)
-        })?;
-        self.converted(name, |theirs| factor * theirs)
+        })
     }
 
     /// The column's values, converted; none may be negative.

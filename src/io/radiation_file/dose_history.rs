@@ -62,12 +62,22 @@ pub(super) fn times(columns: &Columns) -> Result<Times, InputError> {
         columns.check_rising("t_yr", &years)?;
         return Ok(Times::SinceLaunchYr(years));
     }
-    let column = columns.table().column("date").ok_or_else(|| columns.absent(&["date"]))?;
+    Ok(Times::Dates(rising_dates(columns, "date")?))
+}
+
+/// Dates, row by row, each after the one before.
+pub(super) fn rising_dates(columns: &Columns, name: &str) -> Result<Vec<NaiveDateTime>, InputError> {
+    let dates = dates(columns, name)?;
+    columns.check_rising(name, &dates)?;
+    Ok(dates)
+}
+
+/// Dates, row by row.
+pub(super) fn dates(columns: &Columns, name: &str) -> Result<Vec<NaiveDateTime>, InputError> {
+    let column = columns.table().column(name).ok_or_else(|| columns.absent(&[name]))?;
     let date = |(row, cell): (usize, &Cell)| {
         cell.moment(column.time.as_ref())
-            .map_err(|NotADate { problem, help }| columns.fault(Some(row), "date", problem).with_help(help))
+            .map_err(|NotADate { problem, help }| columns.fault(Some(row), name, problem).with_help(help))
     };
-    let dates = column.cells.iter().enumerate().map(date).collect::<Result<Vec<_>, _>>()?;
-    columns.check_rising("date", &dates)?;
-    Ok(Times::Dates(dates))
+    column.cells.iter().enumerate().map(date).collect()
 }

@@ -70,10 +70,8 @@ fn altitudes(columns: &Columns, name: &'static str, [least, greatest]: [f64; 2])
 /// A column of angles; None if there is none.
 fn degrees(columns: &Columns, name: &str, [least, greatest]: [f64; 2]) -> Result<Option<Vec<f64>>, InputError> {
     let Some(column) = columns.table().column(name) else { return Ok(None) };
-    if let Some(unit) = column.unit.as_deref().filter(|unit| !["deg", "degree", "degrees"].contains(unit)) {
-        return Err(columns.fault(None, name, format!("`{unit}` cannot be turned into deg")));
-    }
-    let angle = |(row, cell): (usize, &Cell)| match cell.number() {
+    let conversion = columns.conversion(name, &["deg"])?;
+    let angle = |(row, cell): (usize, &Cell)| match cell.number().map(|angle| conversion.apply(angle)) {
         Some(angle) if (least..=greatest).contains(&angle) => Ok(angle),
         _ => Err(columns.fault(Some(row), name, format!("allowed: {least} to {greatest} degrees"))),
     };

@@ -5,9 +5,10 @@ use std::path::Path;
 use chrono::NaiveDateTime;
 
 use super::columns::Columns;
+use super::dose_history::{dates, rising_dates};
 use super::text::Source;
 use crate::error::InputError;
-use crate::io::table::Cell;
+use crate::io::table::{Cell, NotADate};
 
 /// A file of solar proton events.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,8 +53,7 @@ pub(crate) fn parse_solar_events(name: &str, text: &str) -> Result<SolarEventsFi
 fn events(source: &Source) -> Result<SolarEventsFile, InputError> {
     let columns = Columns::of(source)?;
     let energies = energies(source, &columns)?;
-    let (starts, ends) = (moments(&columns, "start")?, moments(&columns, "end")?);
-    columns.check_rising("start", &starts)?;
+    let (starts, ends) = (rising_dates(&columns, "start")?, dates(&columns, "end")?);
     let satellites = columns.table().column("satellite").ok_or_else(|| columns.absent(&["satellite"]))?;
     let observed_from = meta(source, &columns, "observed_from")?;
     let observed_to = meta(source, &columns, "observed_to")?.ok_or_else(|| {
@@ -74,7 +74,7 @@ fn events(source: &Source) -> Result<SolarEventsFile, InputError> {
         }
         let above_cm2 = fluences(&columns, &energies, row)?;
         if above_cm2.len() < 2 {
-            return fault(&energies[0].0, "an event needs its fluence above two energies at least".into());
+            return fault(&energies[0].column, "an event needs its fluence above two energies at least".into());
         }
         let satellite = satellites.cells[row].text().unwrap_or("unknown").to_string();
         Ok(SolarEventRow { start: starts[row], end: ends[row], satellite, above_cm2 })
@@ -83,13 +83,22 @@ fn events(source: &Source) -> Result<SolarEventsFile, InputError> {
     Ok(SolarEventsFile { observed_from, observed_to, gaps: gaps(source, &columns)?, events })
 }
 
-/// Columns of fluences with their energies (MeV), ascending.
-fn energies(source: &Source, columns: &Columns) -> Result<Vec<(String, f64)>, InputError> {
+/// A column of fluences above an energy.
+struct Above {
+    column: String,
+    mev: f64,
+    /// From the unit in its header to cm⁻².
+    factor: f64,
+}
+
+/// Columns of fluences, by energy.
+fn energies(source: &Source, columns: &Columns) -> Result<Vec<Above>, InputError> {
     let energy = |name: &str| name.strip_prefix("above_")?.strip_suffix("_mev_cm2")?.parse::<f64>().ok();
-    let names = columns.table().columns.iter().map(|column| column.name.clone());
-    let mut energies: Vec<(String, f64)> = names.filter_map(|name| Some((name.clone(), energy(&name)?))).collect();
-    energies.sort_by(|a, b| a.1.total_cmp(&b.1));
-    if energies.len() < 2 || !(energies[0].1 > 0.0) {
+    let named = columns.table().columns.iter().filter_map(|column| Some((column.name.clone(), energy(&column.name)?)));
+    let above = |(column, mev): (String, f64)| Ok(Above { factor: columns.flux_factor(&column, "cm-2")?, column, mev });
+    let mut energies = named.map(above).collect::<Result<Vec<_>, InputError>>()?;
+    energies.sort_by(|a, b| a.mev.total_cmp(&b.mev));
+    if energies.len() < 2 || !(energies[0].mev > 0.0) {
         let problem = "fluences above two energies at least are needed";
         return Err(source.refuse(problem).with_help("name their columns above_10_mev_cm2, above_100_mev_cm2"));
     }
@@ -97,15 +106,15 @@ fn energies(source: &Source, columns: &Columns) -> Result<Vec<(String, f64)>, In
 }
 
 /// Fluences of a row, in cm⁻²; without those that are missing.
-fn fluences(columns: &Columns, energies: &[(String, f64)], row: usize) -> Result<Vec<(f64, f64)>, InputError> {
-    let fluence = |(name, mev): &(String, f64)| {
-        let cell = &columns.table().column(name)?.cells[row];
-        let fault = |problem: &str| Err(columns.fault(Some(row), name, problem));
+fn fluences(columns: &Columns, energies: &[Above], row: usize) -> Result<Vec<(f64, f64)>, InputError> {
+    let fluence = |Above { column, mev, factor }: &Above| {
+        let cell = &columns.table().column(column)?.cells[row];
+        let fault = |problem: &str| Err(columns.fault(Some(row), column, problem));
         Some(match cell {
             Cell::Missing => return None,
             cell => match cell.number().filter(|number| number.is_finite()) {
                 Some(number) if number < 0.0 => fault("this must not be negative"),
-                Some(number) => Ok((*mev, number)),
+                Some(number) => Ok((*mev, factor * number)),
                 None => fault("a number is needed here"),
             },
         })
@@ -113,28 +122,20 @@ fn fluences(columns: &Columns, energies: &[(String, f64)], row: usize) -> Result
     energies.iter().filter_map(fluence).collect()
 }
 
-fn moments(columns: &Columns, name: &'static str) -> Result<Vec<NaiveDateTime>, InputError> {
-    let column = columns.table().column(name).ok_or_else(|| columns.absent(&[name]))?;
-    let date = |(row, cell): (usize, &Cell)| {
-        cell.moment(column.time.as_ref()).ok_or_else(|| {
-            columns.fault(Some(row), name, "this is not a date").with_help("write 2026-01-18T19:40:00, or 2026-01-18")
-        })
-    };
-    column.cells.iter().enumerate().map(date).collect()
-}
-
 /// A date of `meta`; None if it is absent.
 fn meta(source: &Source, columns: &Columns, name: &str) -> Result<Option<NaiveDateTime>, InputError> {
     let Some(cell) = columns.table().meta(name) else { return Ok(None) };
     match cell.moment(None) {
-        Some(moment) => Ok(Some(moment)),
-        None => Err(source.refuse(format!("meta.{name} is not a date")).with_help("write it in quotes: '2025-12-31'")),
+        Ok(moment) => Ok(Some(moment)),
+        Err(NotADate { problem, .. }) => {
+            Err(source.refuse(format!("meta.{name}: {problem}")).with_help("write it in quotes: '2025-12-31'"))
+        }
     }
 }
 
 fn gaps(source: &Source, columns: &Columns) -> Result<Vec<(NaiveDateTime, NaiveDateTime)>, InputError> {
     let Some(cell) = columns.table().meta("gaps") else { return Ok(Vec::new()) };
-    let moment = |text: &str| Cell::Text(text.to_string()).moment(None);
+    let moment = |text: &str| Cell::Text(text.to_string()).moment(None).ok();
     let gap = |word: &str| {
         let (from, to) = word.split_once('/')?;
         Some((moment(from)?, moment(to)?)).filter(|(from, to)| from < to)
