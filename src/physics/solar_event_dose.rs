@@ -185,7 +185,10 @@ fn observed(behind: &Behind, history: &DoseHistory, launch: f64) -> Vec<Observed
         };
         ObservedDose { t_yr: (start - launch).max(0.0), mean_mev_g, sensitivity, satellite }
     };
-    parallel::map(&streams, of)
+    let mut observed = parallel::map(&streams, of);
+    // Those that ended before the launch have none.
+    observed.retain(|event| event.mean_mev_g > 0.0);
+    observed
 }
 
 /// The Sun over a mission, from a time (years since launch) on.

@@ -41,6 +41,7 @@ fn doses_of_observed_years_are_those_worked_out_elsewhere() {
     let mut lines = table.lines().filter(|line| !line.starts_with('#'));
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
     let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let mut faults = Vec::new();
     for (column, name) in header.iter().enumerate().skip(1) {
         let mission = all_years(name.trim_end_matches("_mm").parse().unwrap());
         for row in &rows {
@@ -48,13 +49,16 @@ fn doses_of_observed_years_are_those_worked_out_elsewhere() {
             let found = solar(&mission, from_yr, (from_yr + 1.0).min(28.6));
             // Years without large events are backgrounds and gaps.
             let total: f64 = rows.iter().map(|row| row[column]).sum();
-            if row[column] > 0.01 * total {
-                assert!((found / row[column] - 1.0).abs() < 0.25, "{} {name}: {found:e} {:e}", row[0], row[column]);
+            if row[column] > 0.01 * total && (found / row[column] - 1.0).abs() >= 0.25 {
+                faults.push(format!("{} {name}: {found:e} {:e}", row[0], row[column]));
             }
         }
         let (sum, found) = (rows.iter().map(|row| row[column]).sum::<f64>(), solar(&mission, 0.0, 28.6));
-        assert!((found / sum - 1.0).abs() < 0.1, "{name}: {found:e} {sum:e}");
+        if (found / sum - 1.0).abs() >= 0.1 {
+            faults.push(format!("{name}: {found:e} {sum:e}"));
+        }
     }
+    assert!(faults.is_empty(), "{faults:#?}");
 }
 
 /// Days, fluences above 10 and 100 MeV (calibrated), as published for large events.
@@ -63,8 +67,8 @@ fn large_events_come_on_their_days_with_their_fluences() {
     let survey = survey(&all_years(15.0), &[10.0]).unwrap();
     for (from, to, above_10, above_100) in [
         ("2000-07-14", "2000-07-15", 1.25e10, Some(9e7)),
-        ("2000-11-08", "2000-11-09", 8e9, None),
-        ("2001-11-04", "2001-11-05", 1.15e10, None),
+        ("2000-11-07", "2000-11-09", 8e9, None),
+        ("2001-11-03", "2001-11-05", 1.15e10, None),
         ("2003-10-28", "2003-11-02", 1.3e10, Some(7e7)),
         ("2005-01-15", "2005-02-01", 3.4e9, Some(5e7)),
         ("2006-12-01", "2007-01-01", 2.4e9, None),

@@ -1,7 +1,7 @@
 //! An observed solar proton event → its fluence spectrum at 1 AU.
 //!
-//! Between the energies of the list the fluence is a power of the energy, and below the first one with the slope of ESP. Above the last one it is a power of the rigidity, the
-//! upper branch of the Band function that Tylka & Dietrich 2009 (31st ICRC, Lodz, paper 273) fit to events up to 10 GV:
+//! Between the energies of the list the fluence is a power of the energy, and below the first one with the slope of ESP. Above the
+//! last one it is a power of the rigidity, the upper branch of the Band function that Tylka & Dietrich 2009 (31st ICRC, Lodz, paper 273) fit to events up to 10 GV:
 //!
 //! ```text
 //! F(>R) ∝ R^−γ        R = √(T (T + 2m))        γ: the slope between the last two energies, at least 3.8
@@ -56,12 +56,7 @@ pub fn relative_error(energy_mev: f64) -> f64 {
 impl Event {
     /// From a row of a file. Where a fluence rises with energy, background was counted: it is lowered to the one before.
     pub(super) fn of(row: SolarEventRow) -> Event {
-        let mut least = f64::INFINITY;
-        let mut above_cm2 = row.above_cm2;
-        for (_, fluence) in &mut above_cm2 {
-            least = least.min(*fluence);
-            *fluence = least;
-        }
+        let above_cm2 = never_rising(row.above_cm2);
         Event { start: row.start, end: row.end, satellite: row.satellite, above_cm2 }
     }
 
@@ -70,7 +65,9 @@ impl Event {
         let mut nodes: Vec<(f64, f64)> = self.below().into_iter().collect();
         nodes.extend(&self.above_cm2);
         nodes.extend(self.beyond());
-        Spectrum::of(nodes.iter().map(|(mev, cm2)| (*mev, cm2 * (deviation * relative_error(*mev)).exp())), Law::Power)
+        nodes.iter_mut().for_each(|(mev, cm2)| *cm2 *= (deviation * relative_error(*mev)).exp());
+        // A flat spectrum would rise, as the error does with energy.
+        Spectrum::of(never_rising(nodes), Law::Power)
     }
 
     /// Fluence above 0.1 MeV.
@@ -89,6 +86,16 @@ impl Event {
         let fall = |mev: f64| (rigidity_gv(mev) / rigidity_gv(last.0)).powf(-slope.max(LEAST_SLOPE));
         BEYOND_MEV.into_iter().filter(|mev| *mev > last.0).map(|mev| (mev, last.1 * fall(mev))).collect()
     }
+}
+
+/// Fluences above energies, each at most that above the energy before.
+fn never_rising(mut above_cm2: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let mut least = f64::INFINITY;
+    for (_, fluence) in &mut above_cm2 {
+        least = least.min(*fluence);
+        *fluence = least;
+    }
+    above_cm2
 }
 
 #[cfg(test)]
