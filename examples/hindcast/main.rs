@@ -1,9 +1,10 @@
 //! Four cameras that flew: dose under the Sun as it was, beside the published growth of damage.
 //!
 //! `cargo run --release --example hindcast -- hst` (or `xmm`, `chandra`, `gaia`, `goals`); docs/hindcast.md shows what it prints and
-//! discusses it.
+//! discusses it. `euclid`: a mission in its third year, for docs/euclid.md.
 
 mod chandra;
+mod euclid;
 mod flown;
 mod gaia;
 mod hst;

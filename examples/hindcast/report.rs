@@ -1,18 +1,19 @@
 //! The reports of all cameras, by name, and what was aimed at.
 
 use super::flown::Flown;
-use super::{chandra, gaia, hst, xmm};
+use super::{chandra, euclid, gaia, hst, xmm};
 
 /// Reports that there are.
-pub const REPORTS: [&str; 5] = ["hst", "xmm", "chandra", "gaia", "goals"];
+pub const REPORTS: [&str; 6] = ["hst", "xmm", "chandra", "gaia", "goals", "euclid"];
 
-/// What docs/hindcast.md shows under a name.
+/// What docs/hindcast.md, and docs/euclid.md of the last, show under a name.
 pub fn of(name: &str) -> Option<String> {
     let lines = match name {
         "hst" => hst::report(),
         "xmm" => xmm::report(),
         "chandra" => chandra::report(),
         "gaia" => gaia::report(),
+        "euclid" => euclid::report(),
         "goals" => goals().iter().map(Goal::words).collect(),
         _ => return None,
     };
@@ -52,9 +53,9 @@ pub fn goals() -> Vec<Goal> {
             met: rms <= 2.0,
         },
         Goal {
-            what: "Gaia: most of the dose by cosmic rays, behind 15 mm",
-            result: format!("{:.0} and {:.0} %", 100.0 * first.0, 100.0 * all.0),
-            met: first.0 > 0.5 && all.0 > 0.5,
+            what: "Gaia: 77 to 84 % of the dose by cosmic rays, behind 15 mm",
+            result: format!("{:.1} and {:.1} %", 100.0 * first.0, 100.0 * all.0),
+            met: [first.0, all.0].iter().all(|share| (gaia::SHARE.0..=gaia::SHARE.1).contains(share)),
         },
         Goal {
             what: "Gaia: dose within a factor of 1.5 of what was seen (from memory)",

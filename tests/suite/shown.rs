@@ -7,6 +7,8 @@
 use std::fs;
 use std::path::PathBuf;
 
+use crate::hindcast::PAGES;
+
 /// Languages of blocks that are no output.
 const NO_OUTPUT: [&str; 9] = ["sh", "toml", "rust", "python", "csv", "diff", "formula", "drawing", "console"];
 
@@ -54,7 +56,8 @@ fn faults(page: &str, text: &str, is_run: bool) -> Vec<String> {
         let fine = match language {
             "text" => {
                 marked.is_some_and(is_hash)
-                    || (is_run && before == "```sh" && (command.starts_with("ctiplan ") || command.contains("--example hindcast")))
+                    || (is_run && before == "```sh" && command.starts_with("ctiplan "))
+                    || (PAGES.contains(&page) && before == "```sh" && command.contains("--example hindcast -- "))
                     // The test reads the first block.
                     || own.next().is_some()
             }
