@@ -49,7 +49,7 @@ pub fn report() -> Vec<String> {
         format!(" traps                {:.4} +- {:.4} per pixel", traps.value, traps.error),
         String::new(),
         "Corrected budgets met to the end of the six years [%]".into(),
-        format!(" {:<40} {:>13} {:>13}", "budget", "before launch", "since 2025-09"),
+        format!(" {:<40} {:>13} {:>13}", "budget", "before launch", "as of 2025-09"),
     ];
     let both = [mission(), observed()].map(|mission| assessed(&mission).distribution.expect("a distribution"));
     let row = |name: &str, dates: [&Dates; 2]| {
@@ -60,10 +60,12 @@ pub fn report() -> Vec<String> {
     };
     let [before, now] = &both;
     lines.push(row("change of ellipticity, without noise", [&before.corrected, &now.corrected]));
-    for (name, limits) in [("additive shear bias", [&before.c, &now.c]), ("multiplicative shear bias", [&before.m, &now.m])]
+    for (name, limits) in
+        [("additive shear bias", [&before.c, &now.c]), ("multiplicative shear bias", [&before.m, &now.m])]
     {
         let of = |limit: usize| &limits[limit].as_ref().expect("a limit").corrected;
         lines.push(row(name, [of(0), of(1)]));
     }
+    lines.push(format!(" +-: from the number of draws, {} and {}", before.samples, now.samples));
     lines
 }

@@ -28,7 +28,7 @@ pub fn report() -> Vec<String> {
     let mission = mission();
     let mut lines = vec![
         "Dose since launch; published: most by cosmic rays; 2.5 to 3.4 at the end of 2019 (from memory)".to_string(),
-        format!(" {:<22} {:^28} {:^28}", "", "first 30 months", "to the end of 2019"),
+        format!(" {:<28} {:<28} to the end of 2019", "", "first 30 months"),
         format!(" mm Al  nuclei/protons  {0} {0}", format!("{:>10} {:>17}", "cosmic [%]", "dose [1e6 MeV/g]")),
     ];
     for (thickness_mm, nuclei) in [(10.0, 0.5), (15.0, 0.2), (15.0, 0.5), (15.0, 0.75), (20.0, 0.5)] {
