@@ -190,8 +190,8 @@ impl SolarEvents {
 
     /// Deviation of the calibration of a satellite (by its number) in a sample, in standard deviations.
     pub fn calibration(&self, index: usize, satellite: usize) -> f64 {
-        let deviations = StandardNormal.sample_iter(self.random(index as u64, Draw::Calibration));
-        deviations.skip(satellite).next().expect("endless")
+        let mut deviations = StandardNormal.sample_iter(self.random(index as u64, Draw::Calibration));
+        deviations.nth(satellite).expect("endless")
     }
 
     /// Active and quiet time of a sample.

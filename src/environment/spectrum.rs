@@ -130,7 +130,8 @@ pub fn sum(terms: &[(f64, &Spectrum)]) -> Spectrum {
     }
     let nodes = || terms.iter().flat_map(|(_, spectrum)| spectrum.nodes.iter().map(|node| node.0));
     let (from, to) = (nodes().fold(f64::INFINITY, f64::min), nodes().fold(0.0, f64::max));
-    if !(from < to) {
+    // Without terms, or nodes in them.
+    if from >= to {
         return Spectrum::of([], Law::Power);
     }
     let above = |energy_mev: f64| terms.iter().map(|(weight, spectrum)| weight * spectrum.above(energy_mev)).sum();

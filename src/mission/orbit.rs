@@ -1,5 +1,7 @@
 //! `[mission]` and `[orbit]`: orbit and duration of a mission.
 
+use chrono::NaiveDate;
+
 use std::fmt;
 
 use ctiplan_magnetosphere::Elements;
@@ -147,6 +149,12 @@ impl Mission {
     pub fn observed_sun(&self) -> Option<Observed> {
         let record = || self.imported.solar_events.clone().unwrap_or_else(Record::built_in);
         (self.environment.sun == SunOfThePast::Observed).then(|| Observed::new(self.mission.launch.0, record()))
+    }
+
+    /// Last day on which the Sun was observed; None if it is drawn at all times of the mission.
+    pub fn observed_to(&self) -> Option<NaiveDate> {
+        let to = self.observed_sun()?.record().to.date();
+        (to > self.mission.launch.0).then_some(to)
     }
 
     /// Its orbit, in words.

@@ -376,11 +376,13 @@ impl Assessment {
     fn solar_protons(&self) -> String {
         let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
         let RateOrigin::Sources { active_years } = dose.origin else { return String::new() };
+        let observed = mission.observed_to().map(|day| format!("observed events to {day}"));
         if dose.active_years(mission.mission.duration_yr) == 0.0 {
-            return " (no active year of the Sun)".into();
+            return format!(" ({})", observed.unwrap_or("no active year of the Sun".into()));
         }
         format!(
-            " ({} {}; ESP at {} % confidence for {active_years:.2} active years)",
+            " ({}{} {}; ESP at {} % confidence for {active_years:.2} active years)",
+            observed.map_or(String::new(), |observed| format!("{observed}, then ")),
             significant(dose.active_rate_mev_g_yr),
             self.active_years(),
             100.0 * mission.environment.confidence,

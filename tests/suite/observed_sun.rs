@@ -132,6 +132,7 @@ fn after_the_record_the_sun_is_what_it_was() {
             let [one, other] = [0, 1].map(|index: usize| models[index].dose_mev_g(t_yr).unwrap());
             assert!((one / other - 1.0).abs() < 1e-12, "{orbit}: {one} {other}");
         }
+        assert_eq!([&drawn, &observed].map(Mission::observed_to), [None; 2]);
         let steps = [(&drawn, 0), (&observed, 1)]
             .map(|(mission, model)| SolarEventDoses::of(mission, models[model].history(), 100, 1).unwrap().steps(17));
         assert_eq!(steps[0], steps[1]);

@@ -1,7 +1,8 @@
 //! An observed solar proton event → its fluence spectrum at 1 AU.
 //!
 //! Between the energies of the list the fluence is a power of the energy, and below the first one with the slope of ESP. Above the
-//! last one it is a power of the rigidity, the upper branch of the Band function that Tylka & Dietrich 2009 (31st ICRC, Lodz, paper 273) fit to events up to 10 GV:
+//! last one it is a power of the rigidity, the upper branch of the Band function that Tylka & Dietrich 2009 (31st ICRC, Lodz, paper
+//! 273) fit to events up to 10 GV:
 //!
 //! ```text
 //! F(>R) ∝ R^−γ        R = √(T (T + 2m))        γ: the slope between the last two energies, at least 3.8

@@ -93,12 +93,13 @@ struct Above {
 
 /// Columns of fluences, by energy.
 fn energies(source: &Source, columns: &Columns) -> Result<Vec<Above>, InputError> {
-    let energy = |name: &str| name.strip_prefix("above_")?.strip_suffix("_mev_cm2")?.parse::<f64>().ok();
+    let number = |text: &str| text.parse::<f64>().ok().filter(|mev| mev.is_finite());
+    let energy = |name: &str| number(name.strip_prefix("above_")?.strip_suffix("_mev_cm2")?);
     let named = columns.table().columns.iter().filter_map(|column| Some((column.name.clone(), energy(&column.name)?)));
     let above = |(column, mev): (String, f64)| Ok(Above { factor: columns.flux_factor(&column, "cm-2")?, column, mev });
     let mut energies = named.map(above).collect::<Result<Vec<_>, InputError>>()?;
     energies.sort_by(|a, b| a.mev.total_cmp(&b.mev));
-    if energies.len() < 2 || !(energies[0].mev > 0.0) {
+    if energies.len() < 2 || energies[0].mev <= 0.0 {
         let problem = "fluences above two energies at least are needed";
         return Err(source.refuse(problem).with_help("name their columns above_10_mev_cm2, above_100_mev_cm2"));
     }

@@ -37,6 +37,8 @@ pub enum Step {
         share: f64,
         /// Phase at which the Sun is fixed.
         held: Option<SolarPhase>,
+        /// Last day on which the Sun is taken as it was, before the law applies; None if it is drawn at all times.
+        observed_to: Option<NaiveDate>,
     },
     /// Fluences of the mission above 10, 30 and 100 MeV, cm⁻².
     Fluence {
@@ -121,18 +123,20 @@ impl Explained {
         let total_mev_g: f64 = doses.iter().map(|(_, dose)| dose).sum();
         let most = (0..doses.len()).max_by(|a, b| doses[*a].1.total_cmp(&doses[*b].1))?;
         let source = &history.sources[most];
+        let observed_to = mission.observed_to();
         let mut steps = vec![
             Step::Orbit {
                 orbit: mission.orbit_name(),
                 duration_yr,
                 active_years: history.active_years(duration_yr),
-                observed_to: mission.observed_sun().map(|sun| sun.record().to.date()),
+                observed_to,
             },
             Step::Source {
                 name: source.name.clone(),
                 law: source.card.map(|card| card.law),
                 share: doses[most].1 / total_mev_g,
                 held: mission.environment.solar_phase,
+                observed_to,
             },
         ];
         let factor = mission.environment.dose_factor;

@@ -84,8 +84,9 @@ fn words(step: &Step, confidence: f64) -> String {
                 "orbit {orbit}; {duration_yr} yr, with the Sun as it was to {day} and {active_years:.2} active years after that"
             ),
         },
-        Step::Source { name, law, share, held } => {
-            let law = law.map_or(String::new(), |law| format!(": {law}"));
+        Step::Source { name, law, share, held, observed_to } => {
+            let observed = observed_to.map_or(String::new(), |day| format!(", as observed to {day}; after that"));
+            let law = law.map_or(String::new(), |law| format!("{observed}: {law}"));
             let held = match held {
                 None => "",
                 Some(SolarPhase::Min) => "; the Sun is held at minimum",
