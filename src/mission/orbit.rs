@@ -1,9 +1,8 @@
 //! `[mission]` and `[orbit]`: orbit and duration of a mission.
 
-use chrono::NaiveDate;
-
 use std::fmt;
 
+use chrono::NaiveDate;
 use ctiplan_magnetosphere::Elements;
 use ctiplan_magnetosphere::orbit::GEOSTATIONARY;
 use serde::{Deserialize, Serialize};
