@@ -115,7 +115,7 @@ fn two_of_a_kind_add_up_or_are_refused() {
         let plain = include_str!("../../missions/snap_l2.toml");
         Mission::parse(&format!("{plain}\n{text}[accuracy]\nsubpixel_grid = 1\n")).map_err(|error| error.to_string())
     };
-    let replacing = ["finite-capture", "notch", "well-fill", "volume-at-zero"];
+    let replacing = ["finite-capture", "notch", "well-fill", "volume-at-zero", "sacrificial-charge"];
     for entry in CATALOGUE.iter().filter(|entry| entry.card.kind != "serial-traps") {
         let kind = entry.card.kind;
         let first = (entry.example)(&mission(""));
