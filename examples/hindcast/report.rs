@@ -64,10 +64,10 @@ pub fn goals() -> Vec<Goal> {
         },
         Goal {
             what: "HST: growth in three intervals within 0.04, altitude as flown",
-            result: format!("{sunk:.3}"),
+            result: format!("{sunk:.2}"),
             met: sunk <= hst::WITHIN,
         },
-        Goal { what: "HST: the same at 560 km", result: format!("{circle:.3}"), met: circle <= hst::WITHIN },
+        Goal { what: "HST: the same at 560 km", result: format!("{circle:.2}"), met: circle <= hst::WITHIN },
         Goal {
             what: "HST: modulation at 560 km, 11 to 14 %",
             result: format!("{:.1} %", 100.0 * modulation),
