@@ -83,7 +83,7 @@ pub(crate) fn of(likelihood: &Likelihood, data: &[DataSet], errors: &[Errors], o
         let right = here.right.iter().sum::<f64>().max(1.0);
         // An error of ln s of 1/√(2 n), and of ρ of 1/√n.
         let errors_off = here.scale.ln() * (2.0 * right).sqrt();
-        let is_scaled = errors_off > SIGNIFICANT || errors_off < -SMALLER;
+        let is_scaled = !(-SMALLER..=SIGNIFICANT).contains(&errors_off);
         let is_correlated = here.correlation > SIGNIFICANT / right.sqrt();
         let scale = if is_scaled { here.scale } else { 1.0 };
         let pedestal = likelihood.pedestal(index, here);

@@ -74,6 +74,9 @@ impl Found {
     }
 }
 
+/// Trials of each effect.
+type TrialsOfEffects = Arc<Vec<Vec<Trial>>>;
+
 /// Everything that a verdict is based on: data with the errors estimated at the set that is named.
 pub(super) struct Evidence<'a> {
     pub case: &'a Case<'a>,
@@ -85,7 +88,7 @@ pub(super) struct Evidence<'a> {
     pub split: Option<&'a (Vec<&'static str>, Vec<Vec<usize>>)>,
     pub noise: Vec<SetNoise>,
     /// Trials by the set of effects at whose model they were made.
-    pub known_trials: Mutex<HashMap<Vec<usize>, Arc<Vec<Vec<Trial>>>>>,
+    pub known_trials: Mutex<HashMap<Vec<usize>, TrialsOfEffects>>,
 }
 
 impl Evidence<'_> {
@@ -173,7 +176,7 @@ impl Evidence<'_> {
     }
 
     /// Every trial of every effect at a model, for the null distribution; none of an effect that the free parameters absorb.
-    pub fn trials(&self, node: &Node) -> Arc<Vec<Vec<Trial>>> {
+    pub fn trials(&self, node: &Node) -> TrialsOfEffects {
         let set = node.set();
         let mut known = self.known_trials.lock().expect("nobody panics");
         known.entry(set.clone()).or_insert_with(|| Arc::new(self.trials_at(node, &set))).clone()

@@ -53,7 +53,7 @@ impl Evidence<'_> {
             doubts::of(&rungs[0], &steps, &self.case.epochs_yr()),
             replaced,
             doubts::coincidences(&events_yr, self.case.data),
-            Vec::from_iter(doubts::release_times(&steps, self.case.data, mission, &self.search.free)),
+            Vec::from_iter(doubts::release_times(&steps, self.case.data, mission, self.search.free)),
         ]
         .concat();
         let parameters = values.iter().filter(|fitted| self.search.free.contains(&fitted.key)).cloned();
