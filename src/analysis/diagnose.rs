@@ -31,6 +31,7 @@ mod summary;
 mod unrecorded;
 mod verdict;
 mod work;
+mod wrong_number;
 
 use std::sync::{Arc, Mutex};
 
@@ -148,7 +149,7 @@ impl Task<'_> {
                 excluded.iter().any(|known| known == set)
             });
             // The errors are those of what explains the data.
-            let law = searched.law.as_ref().filter(|_| named.law_is_better);
+            let law = named.better(&searched);
             let (errors, off) = match law {
                 Some(law) => (&law.errors, law.left.clone()),
                 None => (&named.adopted.errors, likelihood.off(&named.adopted.model)),

@@ -488,6 +488,50 @@ fn searches_under_other_assumptions_take_rows_back_as_the_diagnosis_does() {
     assert_eq!(found.stability.holds(), Some(true), "{:?}", found.stability);
 }
 
+/// Numbers of the mission that are wrong, an engineer's most frequent error: no effect is missing for certain, and the key is named with the
+/// value that is right.
+#[test]
+#[ignore = "slow: .ci/run runs it"]
+fn a_wrong_number_of_the_mission_is_no_effect() {
+    let told = |mission: &Mission, data: &[DataSet], key: &str| {
+        let found = diagnose(mission, data, &options(mission), &SILENT).unwrap();
+        let said = said(&found);
+        assert!(found.verdict != Verdict::Missing, "{key}: {}", found.reason);
+        assert!(said.contains(&format!("{key} = ")), "{key}: {said}");
+    };
+    for (key, right) in [("detector.full_well_e", 3.2e5), ("readout.line_time_ms", 37.0)] {
+        let (mission, mut data) = read(&practice("nothing-missing"), "");
+        remade(&mut data, &mission.with(&[(key.to_string(), right.into())]).unwrap(), 5);
+        told(&mission, &data, key);
+    }
+    // A file that does not say how many transfers its trails had.
+    let (mission, mut data) = read(&practice("prelaunch"), "");
+    let text = fs::read_to_string(practice("prelaunch").join("trails.ecsv")).unwrap();
+    let table = Table::parse("trails.ecsv", &text.replace(", transfers: 2066", "")).unwrap();
+    let trails = data.iter().position(|set| set.observable.name() == "trail").unwrap();
+    data[trails] = DataSet::of(table, &mission).unwrap();
+    remade(&mut data, &mission.with(&[("readout.transfers".to_string(), 2400.into())]).unwrap(), 5);
+    told(&mission, &data, "readout.transfers");
+    // Launched a year later than the mission says, amid solar activity: the same days are a year less since launch.
+    let launched = |day: &str| vec![("mission.launch".to_string(), toml::Value::Datetime(day.parse().unwrap()))];
+    let (mission, mut data) = read(&practice("nothing-missing"), "");
+    let mission = mission.with(&launched("2013-01-01")).unwrap();
+    data.iter_mut().for_each(|set| {
+        set.rows.retain(|row| row.at.t_yr > 1.0);
+    });
+    let truth = mission.with(&launched("2014-01-01")).unwrap();
+    let mut at_launch = data.clone();
+    at_launch.iter_mut().flat_map(|set| &mut set.rows).for_each(|row| {
+        let t_yr = row.at.t_yr;
+        assert!(row.at.state("t_yr", t_yr - 1.0));
+    });
+    remade(&mut at_launch, &truth, 5);
+    for (row, right) in data.iter_mut().flat_map(|set| &mut set.rows).zip(at_launch.iter().flat_map(|set| &set.rows)) {
+        row.value = right.value;
+    }
+    told(&mission, &data, "mission.launch");
+}
+
 /// Rounding that depends on the order of the rows can lead a search to another minimum.
 #[test]
 #[ignore = "slow: .ci/run runs it"]

@@ -9,7 +9,7 @@ use super::hypothesis::{Hypothesis, Trial};
 use super::options::Options;
 use super::ranking::Ranking;
 use super::result::{Limit, Next, Note, Reason, Suggestion, Verdict};
-use super::set_search::{Searched, SetSearch};
+use super::set_search::{Law, Searched, SetSearch};
 use super::significance::{Noise, Null};
 use super::verdict::{self, Named};
 use super::work::Work;
@@ -241,7 +241,7 @@ impl Evidence<'_> {
     fn verdict(&self, named: &Named, ladder: Vec<Arc<Node>>) -> Result<Option<Found>, InputError> {
         let node = ladder.last().expect("the base").clone();
         let found = |verdict, reason, ladder| Found::of(verdict, reason, ladder, self.noise.clone());
-        if named.law_is_better {
+        if named.better(self.searched).is_some() {
             return Ok(Some(self.unexplained(named, ladder)));
         }
         // Beside errors that would do as well nothing is certain, whether or not rows left out are predicted better.
@@ -274,7 +274,7 @@ impl Evidence<'_> {
         let node = ladder.last().expect("the base").clone();
         let adopted = named.adopted.set();
         let effects: Vec<String> = node.added.iter().map(|added| self.name(added.hypothesis)).collect();
-        let has_rivals = !named.rivals.is_empty() || named.law_is_rival;
+        let has_rivals = !named.rivals.is_empty() || named.law_is_rival || !named.numbers.is_empty();
         let verdict = if has_rivals || named.or_errors.is_some() { Verdict::Ambiguous } else { Verdict::Missing };
         let reason = match named.or_errors {
             Some(without) => self.or_errors(effects, named.adopted, without),
@@ -301,15 +301,25 @@ impl Evidence<'_> {
             }
         }
         found.alternatives = alternatives.iter().map(|set| self.names(set)).collect();
+        let or = |found: &mut Found, other: String| match found.alternatives.first_mut() {
+            Some(known) => known.push(other),
+            None => found.alternatives.push(vec![self.name(adopted[0]), other]),
+        };
         if named.or_errors.is_some() && found.alternatives.is_empty() {
             found.alternatives = vec![self.names(&adopted)];
         }
-        if named.law_is_rival {
-            let known = found.alternatives.first_mut();
-            match known {
-                Some(known) => known.push("formula".into()),
-                None => found.alternatives.push(vec![self.name(adopted[0]), "formula".into()]),
+        let mut keys: Vec<&String> = Vec::new();
+        for number in &named.numbers {
+            let Law::Number { key, given, right } = &number.law else { continue };
+            if !keys.contains(&key) {
+                keys.push(key);
+                or(&mut found, key.clone());
+                let (key, given, right) = (key.clone(), given.clone(), right.clone());
+                found.notes.push(Note::MayBeANumber { key, given, right });
             }
+        }
+        if named.law_is_rival {
+            or(&mut found, "formula".into());
             found.law = self.law();
         }
         // The first rival that a measurement can distinguish.
@@ -336,15 +346,16 @@ impl Evidence<'_> {
         let node = ladder.last().expect("the base").clone();
         let base = ladder[0].clone();
         let excess = base.chi2() - base.freedom();
-        let beside_law = self.searched.law.as_ref().filter(|_| named.law_is_better).map(|law| law.beside.clone());
+        let better = named.better(self.searched);
+        let beside_law = better.map(|law| law.beside.clone());
         let explains = base.chi2() - node.chi2() > MOST_OF_IT * excess && self.is_confirmed(&ladder);
         let keeps = match &beside_law {
             Some(beside) => *beside == node.set() && explains,
             None => explains,
         };
-        let reason = match (&self.searched.law, named.law_is_better) {
-            (Some(law), true) => law.reason(self.names(&law.beside)),
-            _ => Reason::Unexplained { undone: self.work().undone() },
+        let reason = match better {
+            Some(law) => law.reason(self.names(&law.beside)),
+            None => Reason::Unexplained { undone: self.work().undone() },
         };
         let shown = if keeps { ladder } else { vec![base.clone()] };
         let mut found = Found::of(Verdict::Unexplained, reason, shown, self.noise.clone());
@@ -355,7 +366,7 @@ impl Evidence<'_> {
                 n: self.case.n(),
             });
         }
-        found.law = if named.law_is_better { self.law() } else { None };
+        found.law = better.and_then(|law| law.suggestion(self.searched.base().minus_2_ln_l));
         found
     }
 

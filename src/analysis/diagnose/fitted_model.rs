@@ -16,7 +16,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
-use crate::physics::conditions::Stated;
+use crate::physics::conditions::{Conditions, Stated, UnderMission};
 
 /// Rows of all data sets, one after another.
 pub(super) struct Case<'a> {
@@ -78,6 +78,22 @@ impl<'a> Case<'a> {
             ));
         }
         Ok(self.white(&values))
+    }
+
+    /// Predictions under other conditions; None if the model has no value for one, or the change of a row's conditions makes no sense.
+    pub fn predict_at(&self, model: &Model, change: &dyn Fn(usize, &mut Conditions) -> bool) -> Option<Vec<f64>> {
+        let at = |(row, question): (usize, &Question<Stated>)| -> Option<Conditions> {
+            let mut at = question.at.under(&model.mission).ok()?.into_owned();
+            change(row, &mut at).then_some(at)
+        };
+        let at: Vec<Conditions> = self.questions.iter().enumerate().map(at).collect::<Option<_>>()?;
+        let questions = self.questions.iter().zip(&at).map(|(question, at)| {
+            let Question { observable, galaxy, species, .. } = *question;
+            Question { observable, at, galaxy, species }
+        });
+        let values = predict(model, &questions.collect::<Vec<_>>()).ok()?;
+        self.work.count();
+        values.iter().all(|value| value.is_finite()).then_some(values)
     }
 
     /// Values in units of each row's sigma, whitened as above.

@@ -30,6 +30,8 @@ pub struct Ranking {
     pub shares: Vec<EffectShare>,
     /// The best law of the measurement itself.
     pub law: Option<RankedLaw>,
+    /// Other values of numbers of the mission, the best first.
+    pub numbers: Vec<RankedLaw>,
 }
 
 /// One set of effects.
@@ -105,11 +107,11 @@ impl Ranking {
         let best = searched.sets.iter().map(Explanation::minus_2_ln_z).fold(f64::INFINITY, f64::min);
         let is_listed = |one: &&Explanation| one.minus_2_ln_z() < best + LISTED || one.added.is_empty();
         let listed: Vec<&Explanation> = searched.sets.iter().filter(is_listed).collect();
-        let law = |law: &WithLaw| RankedLaw {
+        let ranked_law = |law: &WithLaw, is_clearly_better: bool| RankedLaw {
             expression: law.law.expression(),
             beside: names(&law.beside),
             excess: law.minus_2_ln_z - best,
-            is_clearly_better: named.law_is_better,
+            is_clearly_better,
         };
         let likelihood = search.fitter.likelihood;
         Ranking {
@@ -117,7 +119,8 @@ impl Ranking {
             named: names(&named.adopted.set()),
             rivals: named.rivals.iter().map(|rival| names(&rival.set())).collect(),
             shares: shares(&listed, hypotheses, best),
-            law: searched.law.as_ref().map(law),
+            law: searched.law.as_ref().map(|law| ranked_law(law, named.law_is_better)),
+            numbers: searched.numbers.iter().map(|number| ranked_law(number, named.number_is_better)).collect(),
             sets: listed.iter().map(|one| ranked(one, names(&one.set()), data, likelihood, best)).collect(),
         }
     }

@@ -88,6 +88,17 @@ pub enum Reason {
         /// Effects beside it.
         beside: Vec<String>,
     },
+    /// Unexplained: another value of a number of the mission explains the data better than effects.
+    WrongNumber {
+        /// Its key.
+        key: String,
+        /// Its value in the mission.
+        given: String,
+        /// The value that explains the data.
+        right: String,
+        /// Effects beside it.
+        beside: Vec<String>,
+    },
     /// Unfit: fewer rows than unknowns.
     TooFewRows {
         /// Rows.
@@ -213,6 +224,15 @@ pub enum Note {
         effects: Vec<String>,
         /// Excess of their −2 ln Z over that with such errors.
         excess: f64,
+    },
+    /// Another value of a number of the mission explains the data about as well as what is named.
+    MayBeANumber {
+        /// Its key.
+        key: String,
+        /// Its value in the mission.
+        given: String,
+        /// The value that explains the data.
+        right: String,
     },
     /// No effect of any strength would have been detected.
     NothingDetectable,

@@ -140,6 +140,9 @@ impl WithLaw {
 
     /// For a verdict that names it.
     pub fn reason(&self, beside: Vec<String>) -> Reason {
+        if let Law::Number { key, given, right } = &self.law {
+            return Reason::WrongNumber { key: key.clone(), given: given.clone(), right: right.clone(), beside };
+        }
         let target = match &self.law {
             Law::Formula(law) => law.target(),
             _ => "value".into(),
@@ -154,6 +157,8 @@ pub(super) struct Searched {
     pub sets: Vec<Explanation>,
     /// The best with a law, if there are any.
     pub law: Option<WithLaw>,
+    /// With another value of a number of the mission, the best first.
+    pub numbers: Vec<WithLaw>,
     /// What each effect alone leaves to first order (value − model), by its index, and whether its strength is free; None if it changes
     /// nothing.
     pub alone: Vec<Option<(Vec<f64>, bool)>>,
@@ -187,7 +192,12 @@ impl SetSearch<'_> {
     /// # Errors
     /// If it has no value for a row.
     pub fn base_alone(&self) -> Result<Searched, InputError> {
-        Ok(Searched { sets: vec![self.bases()?.remove(0)], law: None, alone: vec![None; self.hypotheses.len()] })
+        Ok(Searched {
+            sets: vec![self.bases()?.remove(0)],
+            law: None,
+            numbers: Vec::new(),
+            alone: vec![None; self.hypotheses.len()],
+        })
     }
 
     /// The whole search.
@@ -248,7 +258,12 @@ impl SetSearch<'_> {
         let mut sets = self.refined(distinct(all));
         sets.sort_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()));
         let law = self.best_law(&base, &sets);
-        Ok(Searched { sets, law, alone })
+        (self.progress.stage)("numbers of the mission", 0);
+        let best = sets.first().filter(|best| !best.added.is_empty());
+        let mut numbers: Vec<WithLaw> =
+            [&base].into_iter().chain(best).flat_map(|line| self.numbers_of(line)).collect();
+        numbers.sort_by(|a, b| a.minus_2_ln_z.total_cmp(&b.minus_2_ln_z));
+        Ok(Searched { sets, law, numbers, alone })
     }
 
     /// 2 ln of the number of effects over their probability, and of the intervals of an event.
@@ -584,7 +599,7 @@ impl SetSearch<'_> {
         Some(Start { added, mission, unknowns, choices, known: line.derivatives.clone() })
     }
 
-    fn choices_of(&self, added: &[Added]) -> f64 {
+    pub(super) fn choices_of(&self, added: &[Added]) -> f64 {
         added.iter().map(|added| self.choices(&added.free)).sum()
     }
 
@@ -846,13 +861,41 @@ impl SetSearch<'_> {
                 let factors = law.factors(self.fitter.case.data.iter(), &line.model, &found.values);
                 !factors.is_empty() && factors.iter().all(|factor| factor.abs() > IN_PLACE)
             }
-            Law::Group { .. } | Law::Groups(_) | Law::Temperatures(_) => false,
+            _ => false,
         };
         best.filter(|best| !multiplies_too_much(best))
     }
 
+    /// A set with a change of its predictions.
+    pub(super) fn with_fixed(&self, line: &Explanation, changes: &[f64]) -> Option<LineFit> {
+        let columns = [changes.to_vec()];
+        let plain = self.plain(line);
+        let mut best: Option<LineFit> = None;
+        for from in [&line.errors, &plain] {
+            let mut errors = from.clone();
+            for _ in 0..ROUNDS {
+                let problem = Linear::of(self, line, &errors);
+                let found = problem.solve(&columns, Strength::Fixed)?;
+                let left = problem.left(line, &found, &columns);
+                errors = self.fitter.likelihood.errors(&left, Some(&errors));
+                let l = minus_2_ln_l(&errors);
+                let objective = l + problem.prior(&found[..line.unknowns.len()]);
+                if best.as_ref().is_none_or(|best| objective < best.objective) {
+                    best = Some(LineFit { objective, minus_2_ln_l: l, errors: errors.clone(), left });
+                }
+            }
+        }
+        best
+    }
+
     /// ln det(1 + Π A'A Π) with further columns.
-    fn volume_with(&self, line: &Explanation, errors: &[Errors], columns: &[Vec<f64>], widths: &[f64]) -> f64 {
+    pub(super) fn volume_with(
+        &self,
+        line: &Explanation,
+        errors: &[Errors],
+        columns: &[Vec<f64>],
+        widths: &[f64],
+    ) -> f64 {
         let further: Vec<DVector<f64>> = columns.iter().map(|column| DVector::from_column_slice(column)).collect();
         let own = line.derivatives.column_iter().map(|column| column.into_owned());
         let all: Vec<DVector<f64>> = own.chain(further).collect();
@@ -876,6 +919,18 @@ pub(super) enum Law {
     Groups(String),
     /// A temperature of its own at every epoch, in files that do not record it, with this scatter in K.
     Temperatures(f64),
+    /// No law, but another value of a number of the mission.
+    Number { key: String, given: String, right: String },
+}
+
+/// A set with one fixed change of its predictions, the other parameters and errors following to first order.
+pub(super) struct LineFit {
+    /// −2 ln L and the priors' part.
+    pub objective: f64,
+    pub minus_2_ln_l: f64,
+    pub errors: Vec<Errors>,
+    /// value − model.
+    pub left: Vec<f64>,
 }
 
 impl Law {
@@ -886,6 +941,7 @@ impl Law {
             Law::Group { column, value, multiplied: true } => format!("value * (1 + a) where {column} is {value}"),
             Law::Group { column, value, multiplied: false } => format!("value + a where {column} is {value}"),
             Law::Groups(column) => format!("value * (1 + a), with another a for every {column}"),
+            Law::Number { key, given, right } => format!("{key} = {right} in place of {given}"),
             Law::Temperatures(scatter_k) => {
                 format!("value at temperature_k + a, with another a for every t_yr, of some {scatter_k} K")
             }

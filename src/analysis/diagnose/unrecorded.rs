@@ -6,9 +6,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::fitted_model::{Case, FLAT, Node};
 use super::result::Note;
 use crate::model::Model;
-use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
-use crate::physics::conditions::{Conditions, Stated, UnderMission};
 
 /// The condition, and a step of it for derivatives, K.
 const TEMPERATURE: &str = "temperature_k";
@@ -95,19 +93,10 @@ fn epochs(case: &Case) -> (Vec<f64>, Vec<usize>) {
 
 /// Values with the temperature of rows changed, in files that do not record it; None if the model has no value.
 fn with_temperatures(case: &Case, model: &Model, kelvin: &dyn Fn(usize) -> f64) -> Option<Vec<f64>> {
-    let at = |(row, question): (usize, &Question<Stated>)| -> Option<Conditions> {
-        let mut at = question.at.under(&model.mission).ok()?.into_owned();
+    case.predict_at(model, &|row, at| {
         if !case.data[case.set_of[row]].varies_in(TEMPERATURE) {
             at.temperature_k += kelvin(row);
         }
-        Some(at)
-    };
-    let at: Vec<Conditions> = case.questions.iter().enumerate().map(at).collect::<Option<_>>()?;
-    let questions = case.questions.iter().zip(&at).map(|(question, at)| {
-        let Question { observable, galaxy, species, .. } = *question;
-        Question { observable, at, galaxy, species }
-    });
-    let values = predict(model, &questions.collect::<Vec<_>>()).ok()?;
-    case.work.count();
-    values.iter().all(|value| value.is_finite()).then_some(values)
+        true
+    })
 }

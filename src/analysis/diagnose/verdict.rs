@@ -2,7 +2,7 @@
 
 use super::explanation::Explanation;
 use super::hypothesis::Hypothesis;
-use super::set_search::Searched;
+use super::set_search::{Searched, WithLaw};
 use crate::analysis::likelihood::Likelihood;
 
 /// Difference of −2 ln Z from which one set is decided against another: 27 to 1.
@@ -29,6 +29,23 @@ pub(super) struct Named<'s> {
     pub law_is_better: bool,
     /// Whether one explains them better, but not clearly.
     pub law_is_rival: bool,
+    /// Whether another value of a number of the mission explains the data decidedly better than effects.
+    pub number_is_better: bool,
+    /// Other values, in the place of the effects, that are not decided against.
+    pub numbers: Vec<&'s WithLaw>,
+}
+
+impl Named<'_> {
+    /// What explains the data better than any effect: another number of the mission, or a law of the measurement.
+    pub fn better<'l>(&self, searched: &'l Searched) -> Option<&'l WithLaw> {
+        let number = searched.numbers.first().filter(|_| self.number_is_better);
+        let law = searched.law.as_ref().filter(|_| self.law_is_better);
+        // A number is physics, and a law imitates it: where both are better, the number stands unless the law is decidedly better.
+        match (number, law) {
+            (Some(number), Some(law)) if law.minus_2_ln_z + DECIDED < number.minus_2_ln_z => Some(law),
+            (number, law) => number.or(law),
+        }
+    }
 }
 
 /// Whether a set is a special case of another: each of its effects is in the other, or a more general one is.
@@ -91,6 +108,10 @@ pub(super) fn name<'s>(
     let law = searched.law.as_ref().map(|law| law.minus_2_ln_z);
     let law_is_better = law.is_some_and(|law| law + DECIDED < best.minus_2_ln_z());
     let law_is_rival = !law_is_better && law.is_some_and(|law| law < best.minus_2_ln_z());
+    let numbers = || searched.numbers.iter();
+    let number_is_better = numbers().any(|number| number.minus_2_ln_z + DECIDED < best.minus_2_ln_z());
+    let is_rival_number = |number: &&WithLaw| number.minus_2_ln_z < near && number.beside.len() < adopted.added.len();
+    let numbers = numbers().filter(|number| !number_is_better && is_rival_number(number)).collect();
     Named {
         adopted,
         rivals,
@@ -98,5 +119,7 @@ pub(super) fn name<'s>(
         if_errors_are_right,
         law_is_better,
         law_is_rival,
+        number_is_better,
+        numbers,
     }
 }

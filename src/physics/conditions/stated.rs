@@ -98,6 +98,11 @@ impl Stated {
         self.at.covariates = covariates;
     }
 
+    /// Whether its time follows from a date and the mission's launch.
+    pub fn is_dated(&self) -> bool {
+        self.launch.is_some()
+    }
+
     /// Whether a condition is the mission's.
     pub fn is_left(&self, name: &str) -> bool {
         MIRRORED.iter().zip(self.left).any(|((mirrored, _), left)| left && *mirrored == name)

@@ -30,19 +30,19 @@ pub(super) fn say(ranking: &Ranking, out: &mut Parts) {
     if !shares.is_empty() {
         out.words(format!("  probability of an effect among these sets: {}", shares.join(", ")), 4);
     }
-    if let Some(law) = &ranking.law {
+    for (what, law) in
+        [("law of the measured values", ranking.law.as_ref()), ("number of the mission", ranking.numbers.first())]
+    {
+        let Some(law) = law else { continue };
         let beside =
             if law.beside.is_empty() { String::new() } else { format!(" beside {}", effects_listed(&law.beside)) };
         let says = match law.excess {
             _ if law.is_clearly_better => "clearly better",
-            excess if excess < 0.0 => "better, but not clearly: a law imitates almost any effect",
+            excess if excess < 0.0 => "better, but not clearly",
             _ => "the set is better",
         };
         out.words(
-            format!(
-                "  best law of the measured values: {}{beside}; {:+.1} from the best set: {says}",
-                law.expression, law.excess
-            ),
+            format!("  best {what}: {}{beside}; {:+.1} from the best set: {says}", law.expression, law.excess),
             4,
         );
     }

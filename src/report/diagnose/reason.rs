@@ -50,6 +50,15 @@ impl fmt::Display for Reason {
                 "none of the effects tried explains the data to within their noise, and the search is incomplete: {} left undone",
                 undone.join(", ")
             ),
+            Reason::WrongNumber { key, given, right, beside } => {
+                let beside =
+                    if beside.is_empty() { String::new() } else { format!(", beside {},", effects_listed(beside)) };
+                write!(
+                    out,
+                    "{key} = {right} in place of {given}{beside} explains the data better than any effect of the catalogue: is the \
+                     number in the mission right"
+                )
+            }
             Reason::BetterLaw { target, expression, beside } => {
                 let beside = match &beside[..] {
                     [] => String::new(),
@@ -161,6 +170,10 @@ impl fmt::Display for Note {
                 out,
                 "if the errors are as quoted and no row is wrong, {} may be missing as well (-2 ln Z {excess:+.1}, which does not decide)",
                 effects_listed(effects)
+            ),
+            Note::MayBeANumber { key, given, right } => write!(
+                out,
+                "{key} = {right} in place of {given} explains the data about as well: is the number in the mission right?"
             ),
             Note::NothingDetectable => out.write_str(
                 "no effect of the catalogue could have been detected with these data, of any strength: that the model explains them \
