@@ -19,6 +19,9 @@ pub struct Annealing {
     remaining: f64,
 }
 
+/// Remaining fraction from which a search starts.
+const REMAINING: f64 = 0.3;
+
 impl Catalogued for Annealing {
     const CARD: Card = Card {
         kind: "annealing",
@@ -27,7 +30,7 @@ impl Catalogued for Annealing {
                   from launch, those of a laboratory dose from the irradiation (t_yr = 0).",
         source: "first-order kinetics: Srour et al. 2003 (IEEE TNS 50, 653), section II",
         holds: "At the operating temperature, the same for all species. time_yr = inf means no annealing. \
-                Annealing that saturates leaves the fraction remaining; a search adds annealing without it.",
+                Annealing that saturates leaves the fraction remaining; a search tries it with and without.",
         residuals: "The model's trails and losses become too large as the mission goes on, most of all in quiet years. The \
                     dose is correct.",
         keys: &[
@@ -50,7 +53,11 @@ impl Catalogued for Annealing {
     fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         // From much faster than the mission to hardly visible within it.
         let span_yr = reach.last_yr().max(0.1);
-        ratios(0.1 * span_yr, 5.0 * span_yr, 6).map(|time_yr| vec![numbers(&[("time_yr", time_yr)])]).collect()
+        let times = || ratios(0.1 * span_yr, 5.0 * span_yr, 6);
+        let whole = times().map(|time_yr| vec![numbers(&[("time_yr", time_yr)])]);
+        // What saturates within the mission may leave a part.
+        let in_part = times().take(4).map(|time_yr| vec![numbers(&[("time_yr", time_yr), ("remaining", REMAINING)])]);
+        whole.chain(in_part).collect()
     }
 }
 

@@ -6,8 +6,8 @@ use super::reach::ratios;
 use super::{Card, Catalogued, Effect, Reach, Refusal, numbers, tables};
 use crate::error::InputError;
 use crate::mission::keys::{
-    Allowed,
-    Allowed::Number,
+    Allowed::{self, Number},
+    Key,
     Need::{Default, Optional, Required},
     key, plain,
 };
@@ -23,6 +23,9 @@ pub struct FiniteCapture {
     density_power: f64,
     capture_at_e: Option<f64>,
 }
+
+/// What is believed of density_power: capture of one electron gives 1, and a cloud that fills slowly less (half of it as a standard deviation).
+const SCATTER_OF_POWERS: f64 = 0.5;
 
 impl Catalogued for FiniteCapture {
     const CARD: Card = Card {
@@ -45,13 +48,16 @@ impl Catalogued for FiniteCapture {
                     faint packets and low background_e as well.",
         keys: &[
             key("capture_ms", "capture time", "ms", Number(0.0, 1e7), Required),
-            key(
-                "density_power",
-                "power of the density of electrons to which the capture rate is proportional; 1 for Shockley-Read-Hall",
-                "",
-                Number(0.0, 3.0),
-                Default("0.0"),
-            ),
+            Key {
+                scatter: Some(SCATTER_OF_POWERS),
+                ..key(
+                    "density_power",
+                    "power of the density of electrons to which the capture rate is proportional; 1 for Shockley-Read-Hall",
+                    "",
+                    Number(0.0, 3.0),
+                    Default("0.0"),
+                )
+            },
             key(
                 "capture_at_e",
                 "charge of the packets in which the capture time is capture_ms; a full well if it is not given",
@@ -76,7 +82,13 @@ impl Catalogued for FiniteCapture {
     fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         let [shortest_ms, longest_ms] = reach.line_time_ms;
         let times = ratios(0.03 * shortest_ms, 2.0 * longest_ms, 4);
-        times.map(|capture_ms| vec![numbers(&[("capture_ms", capture_ms)])]).collect()
+        let tables = |capture_ms: f64| {
+            // One capture time for all packets, or Shockley-Read-Hall's.
+            let constant = numbers(&[("capture_ms", capture_ms)]);
+            let by_density = numbers(&[("capture_ms", capture_ms), ("density_power", 1.0)]);
+            [vec![constant], vec![by_density]]
+        };
+        times.flat_map(tables).collect()
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

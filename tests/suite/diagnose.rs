@@ -488,6 +488,24 @@ fn searches_under_other_assumptions_take_rows_back_as_the_diagnosis_does() {
     assert_eq!(found.stability.holds(), Some(true), "{:?}", found.stability);
 }
 
+/// Annealing that leaves a part: no polynomial is better, and both parameters are found.
+#[test]
+#[ignore = "slow: .ci/run runs it"]
+fn annealing_that_saturates_is_found_with_what_remains() {
+    let (mission, mut data) = read(&practice("prelaunch"), "");
+    let table = toml::toml! { time_yr = 1.2
+    remaining = 0.55 };
+    let (truth, _) = ctiplan::mission_file::add_effect(&mission, "annealing", table).unwrap();
+    remade(&mut data, &truth, 3);
+    let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert_eq!((found.verdict, effects(&found)), (Verdict::Missing, vec!["annealing".to_string()]), "{}", found.reason);
+    let fitted = |name: &str| found.steps[0].parameters.iter().find(|fitted| fitted.key.ends_with(name)).unwrap();
+    for (name, right) in [("time_yr", 1.2), ("remaining", 0.55)] {
+        let found = fitted(name);
+        assert!((found.value - right).abs() < 4.0 * found.sigma.unwrap(), "{found:?}");
+    }
+}
+
 /// Numbers of the mission that are wrong, an engineer's most frequent error: no effect is missing for certain, and the key is named with the
 /// value that is right.
 #[test]

@@ -332,13 +332,16 @@ fn traps_that_remain_and_traps_that_grow_are_those_known_on_paper() {
     assert!(error.unwrap_err().to_string().contains("30 % is 0.3"));
 }
 
-/// A search does not free a fraction that remains: it starts from tables without it.
+/// A search tries annealing and capture with and without the key of their card that may be absent.
 #[test]
-fn trials_of_annealing_leave_nothing_over() {
-    let annealing = CATALOGUE.iter().find(|entry| entry.card.kind == "annealing").unwrap();
+fn a_search_tries_every_form_of_annealing_and_capture() {
     let at = Model::new(&mission("")).conditions(5.0);
-    let trials = (annealing.trials)(&mission(""), &Reach::of([at].iter()));
-    assert!(trials.len() > 3 && trials.iter().flatten().all(|table| table.keys().eq(["time_yr"])));
+    for (kind, optional) in [("annealing", "remaining"), ("finite-capture", "density_power")] {
+        let entry = CATALOGUE.iter().find(|entry| entry.card.kind == kind).unwrap();
+        let trials = (entry.trials)(&mission(""), &Reach::of([at.clone()].iter()));
+        let with = trials.iter().flatten().filter(|table| table.contains_key(optional)).count();
+        assert!(with > 2 && trials.len() - with > 2, "{kind}: {with} of {}", trials.len());
+    }
 }
 
 /// Change of shape of the first galaxy, over so many sub-pixel positions in x and in y: nothing is left out for the sake of symmetry.

@@ -72,7 +72,8 @@ impl Prior {
         let without = number(nothing, name);
         let is_alone = trial.values().filter(|value| value.is_float()).count() == 1;
         let linear = |mean: f64, width: f64| Prior { is_log: false, is_flat: false, mean, width, low, high };
-        if let (Some(scatter), Some(mean)) = (parameter.scatter, without) {
+        if let Some(scatter) = parameter.scatter {
+            let mean = without.unwrap_or(value);
             return linear(mean, scatter * mean);
         }
         if let (Some(period_yr), "yr" | "(decimal year)", false) =

@@ -498,12 +498,13 @@ impl SetSearch<'_> {
             Some((start, found))
         });
         let mut rough: Vec<(Start, Explanation)> = rough.into_iter().flatten().collect();
-        rough.sort_by(|a, b| a.1.objective().total_cmp(&b.1.objective()));
-        let least = rough.first()?.1.objective();
-        rough.retain(|(_, found)| found.objective() < least + WORTH_A_FIT);
+        rough.sort_by(|a, b| a.1.minus_2_ln_z().total_cmp(&b.1.minus_2_ln_z()));
+        let least = rough.first()?.1.minus_2_ln_z();
+        rough.retain(|(_, found)| found.minus_2_ln_z() < least + WORTH_A_FIT);
         rough.truncate(TO_THE_END);
         let ends = parallel::map(rough, |(start, found)| self.again(&start, &found));
-        ends.into_iter().flatten().min_by(|a, b| a.objective().total_cmp(&b.objective()))
+        // Forms with more parameters must be worth them.
+        ends.into_iter().flatten().min_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()))
     }
 
     /// A fit to the end from a rough one.
