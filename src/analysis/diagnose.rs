@@ -31,7 +31,6 @@ mod summary;
 mod unrecorded;
 mod verdict;
 mod work;
-mod wrong_number;
 
 use std::sync::{Arc, Mutex};
 

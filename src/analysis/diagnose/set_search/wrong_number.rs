@@ -7,8 +7,9 @@
 
 use toml::Value;
 
-use super::explanation::Explanation;
-use super::set_search::{Law, LineFit, SetSearch, WithLaw};
+use super::super::explanation::Explanation;
+use super::SetSearch;
+use super::law::{Law, LineFit, WithLaw};
 use crate::mission::Mission;
 use crate::numeric::calendar::date_after;
 use crate::numeric::minimum::golden_section;

@@ -1,0 +1,141 @@
+//! Sets that matter, fitted to their end from several starts: their own, least squares, and a scan of each parameter.
+
+use super::super::explanation::{Explanation, Start, Unknown, with_values};
+use super::linear::Linear;
+use super::signature::Strength;
+use super::{FITTED, SetSearch, WORTH_A_FIT, best};
+use crate::analysis::fit::parameter::Parameter;
+use crate::analysis::likelihood::{Errors, minus_2_ln_l};
+use crate::numeric::parallel;
+
+/// Evidence up to which a set counts as a rival, or is fitted to the end: −2 ln Z within this of the best.
+const NEAR: f64 = 20.0;
+
+/// Sets that are scanned, and the steps of logarithms.
+const SCANNED: usize = 8;
+const SCAN_LN: [f64; 6] = [-3.0, -1.5, -0.7, 0.7, 1.5, 3.0];
+
+impl SetSearch<'_> {
+    /// A set from its values of least squares: rows that look wrong may be right at other values, where slopes without them never lead.
+    pub(super) fn with_all_rows(&self, one: &Explanation) -> Option<Explanation> {
+        let is_wrong = |errors: &Errors| errors.right.iter().any(|right| *right < 0.5);
+        if !one.errors.iter().any(is_wrong) {
+            return None;
+        }
+        let moving = one.unknowns.iter().filter(|unknown| unknown.prior.is_some());
+        let keys: Vec<String> = moving.map(|unknown| unknown.parameter.key.clone()).collect();
+        let mission = self.least_squares(&one.mission, &keys)?;
+        let unknowns = one.unknowns.iter().map(|unknown| {
+            let parameter = Parameter::of(&mission, &unknown.parameter.key).ok()?;
+            Some(Unknown { parameter, prior: unknown.prior })
+        });
+        let unknowns = unknowns.collect::<Option<Vec<Unknown>>>()?;
+        let choices = self.choices_of(&one.added);
+        let start = Start { added: one.added.clone(), mission, unknowns, choices, known: self.nothing() };
+        let found = self.fitter.fit(&start, None, false).ok()?;
+        (found.objective() < one.objective()).then_some(found)
+    }
+
+    /// Sets that matter, fitted to their end.
+    pub(super) fn refined(&self, sets: Vec<Explanation>) -> Vec<Explanation> {
+        let least = best(&sets);
+        let matters = |one: &Explanation| one.minus_2_ln_z() < least + NEAR;
+        let again = |one: &Explanation| {
+            let start = Start {
+                added: one.added.clone(),
+                mission: one.mission.clone(),
+                unknowns: one.unknowns.clone(),
+                choices: self.choices_of(&one.added),
+                known: self.nothing(),
+            };
+            if matters(one) && !one.added.is_empty() {
+                self.fitter
+                    .fit(&start, Some(&one.errors), false)
+                    .ok()
+                    .filter(|found| found.objective() < one.objective())
+            } else {
+                None
+            }
+        };
+        let better = parallel::map(sets.iter(), again);
+        let mut sets: Vec<Explanation> =
+            sets.into_iter().zip(better).map(|(one, better)| better.unwrap_or(one)).collect();
+        sets.sort_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()));
+        // Small sets first: larger ones start from them, and are named only if these are not enough.
+        let near = best(&sets) + NEAR;
+        // More than noise is not left to be found by an effect beside those that leave only that.
+        let explained: Vec<Vec<usize>> = sets.iter().filter(|one| self.is_noise(one)).map(Explanation::set).collect();
+        let is_idle = |set: &[usize]| {
+            explained.iter().any(|known| known.len() < set.len() && known.iter().all(|effect| set.contains(effect)))
+        };
+        let mut wanted: Vec<usize> = (0..sets.len())
+            .filter(|&place| sets[place].minus_2_ln_z() < near && !is_idle(&sets[place].set()))
+            .collect();
+        wanted.sort_by_key(|&place| (sets[place].added.len(), place));
+        wanted.truncate(SCANNED);
+        for place in wanted {
+            if let Some(better) = self.with_all_rows(&sets[place]) {
+                sets[place] = better;
+            }
+            sets[place] = self.scanned(&sets[place]);
+        }
+        sets
+    }
+
+    /// A set from other values of its parameters: a narrow minimum, or one far away, is not reached by slopes. Each parameter that is
+    /// known by its size is moved while the others follow to first order; the most promising are fitted.
+    pub(super) fn scanned(&self, one: &Explanation) -> Explanation {
+        let at: Vec<f64> = one.unknowns.iter().map(|unknown| unknown.parameter.start).collect();
+        let places = (0..at.len()).filter(|&index| one.unknowns[index].prior.is_some_and(|prior| prior.is_size()));
+        let wanted: Vec<(usize, f64)> = places.flat_map(|index| SCAN_LN.map(|step| (index, step))).collect();
+        let looked = parallel::map(wanted, |(index, step)| {
+            let prior = one.unknowns[index].prior?;
+            let coordinate = prior.coordinate(at[index]);
+            let mut moved = at.clone();
+            moved[index] = prior.value(prior.clamp(coordinate + step));
+            let mission = with_values(&one.mission, &one.unknowns, &moved)?;
+            let predicted = self.fitter.predicted(&mission)?;
+            let change =
+                vec![predicted.iter().zip(&one.model).map(|(moved, model)| moved - model).collect::<Vec<f64>>()];
+            let problem = Linear::without(self, one, &one.errors, Some(index));
+            let found = problem.solve(&change, Strength::Fixed)?;
+            let errors = self.fitter.likelihood.errors(&problem.left(one, &found, &change), Some(&one.errors));
+            let objective = minus_2_ln_l(&errors) + problem.prior(&found) + prior.cost(prior.coordinate(moved[index]));
+            let all: Vec<f64> = moved
+                .iter()
+                .zip(&one.unknowns)
+                .zip(&found)
+                .enumerate()
+                .map(|(place, ((value, unknown), step))| match unknown.prior {
+                    Some(prior) if place != index => {
+                        let limited = step.clamp(-prior.longest(), prior.longest());
+                        prior.value(prior.clamp(prior.coordinate(*value) + limited))
+                    }
+                    _ => *value,
+                })
+                .collect();
+            Some((objective, all, errors))
+        });
+        let mut looked: Vec<_> =
+            looked.into_iter().flatten().filter(|(objective, ..)| *objective < one.objective() + WORTH_A_FIT).collect();
+        looked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        looked.truncate(FITTED);
+        let fits = parallel::map(looked, |(_, at, errors)| {
+            let mission = with_values(&one.mission, &one.unknowns, &at)?;
+            let unknowns = one.unknowns.iter().zip(&at).map(|(unknown, value)| Unknown {
+                parameter: unknown.parameter.starting_at(*value),
+                prior: unknown.prior,
+            });
+            let start = Start {
+                added: one.added.clone(),
+                mission,
+                unknowns: unknowns.collect(),
+                choices: self.choices_of(&one.added),
+                known: self.nothing(),
+            };
+            self.fitter.fit(&start, Some(&errors), false).ok()
+        });
+        let best = fits.into_iter().flatten().min_by(|a, b| a.objective().total_cmp(&b.objective()));
+        best.filter(|best| best.objective() < one.objective()).unwrap_or_else(|| one.clone())
+    }
+}
