@@ -9,7 +9,7 @@ use super::hypothesis::{Hypothesis, Trial};
 use super::options::Options;
 use super::ranking::Ranking;
 use super::result::{Limit, Next, Note, Reason, Suggestion, Verdict};
-use super::set_search::{Law, Searched, SetSearch};
+use super::set_search::{Law, Searched, SetSearch, WithLaw};
 use super::significance::{Noise, Null};
 use super::verdict::{self, Named};
 use super::work::Work;
@@ -27,6 +27,9 @@ const TREND: f64 = 1e-3;
 
 /// Share of the excess of chi2 that effects must explain to be named although the data remain unexplained.
 const MOST_OF_IT: f64 = 0.95;
+
+/// Sum of squared differences, in errors, below which two models make the same predictions.
+const ONE_SIGMA: f64 = 1.0;
 
 /// Difference of chi2 below which two fits have reached the same minimum.
 const SAME_MINIMUM: f64 = 0.01;
@@ -269,12 +272,23 @@ impl Evidence<'_> {
         self.named(named, ladder).map(Some)
     }
 
+    /// Whether a number makes the predictions of a set: both are then names of one correction, which no measurement like these tells apart.
+    fn is_the_same(&self, set: &Explanation, number: &WithLaw) -> bool {
+        let left = self.search.fitter.likelihood.off(&set.model);
+        let sigmas = self.quoted.iter().flat_map(|data| data.rows.iter().map(|row| row.sigma));
+        let apart =
+            left.iter().zip(&number.left).zip(sigmas).map(|((set, number), sigma)| ((set - number) / sigma).powi(2));
+        apart.sum::<f64>() < ONE_SIGMA
+    }
+
     /// Effects are missing, and what may be in their place.
     fn named(&self, named: &Named, ladder: Vec<Arc<Node>>) -> Result<Found, InputError> {
         let node = ladder.last().expect("the base").clone();
         let adopted = named.adopted.set();
         let effects: Vec<String> = node.added.iter().map(|added| self.name(added.hypothesis)).collect();
-        let has_rivals = !named.rivals.is_empty() || named.law_is_rival || !named.numbers.is_empty();
+        let (same, numbers): (Vec<&WithLaw>, Vec<&WithLaw>) =
+            named.numbers.iter().partition(|number| self.is_the_same(named.adopted, number));
+        let has_rivals = !named.rivals.is_empty() || named.law_is_rival || !numbers.is_empty();
         let verdict = if has_rivals || named.or_errors.is_some() { Verdict::Ambiguous } else { Verdict::Missing };
         let reason = match named.or_errors {
             Some(without) => self.or_errors(effects, named.adopted, without),
@@ -309,14 +323,16 @@ impl Evidence<'_> {
             found.alternatives = vec![self.names(&adopted)];
         }
         let mut keys: Vec<&String> = Vec::new();
-        for number in &named.numbers {
+        for (number, is_rival) in numbers.iter().map(|one| (one, true)).chain(same.iter().map(|one| (one, false))) {
             let Law::Number { key, given, right } = &number.law else { continue };
-            if !keys.contains(&key) {
-                keys.push(key);
-                or(&mut found, key.clone());
-                let (key, given, right) = (key.clone(), given.clone(), right.clone());
-                found.notes.push(Note::MayBeANumber { key, given, right });
+            if keys.contains(&key) {
+                continue;
             }
+            keys.push(key);
+            if is_rival {
+                or(&mut found, key.clone());
+            }
+            found.notes.push(Note::MayBeANumber { key: key.clone(), given: given.clone(), right: right.clone() });
         }
         if named.law_is_rival {
             or(&mut found, "formula".into());
