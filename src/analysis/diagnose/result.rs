@@ -46,11 +46,6 @@ impl Verdict {
 pub enum Reason {
     /// Complete: the model explains the data.
     Explained,
-    /// Complete: the residuals are noise.
-    Noise {
-        /// The most helpful effects, and the decrease of chi2 with them.
-        best: Option<(Vec<String>, f64)>,
-    },
     /// Missing or ambiguous: effects explain the data.
     Lacking {
         /// The effects.

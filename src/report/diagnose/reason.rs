@@ -12,13 +12,6 @@ impl fmt::Display for Reason {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Reason::Explained => out.write_str("the model explains the data"),
-            Reason::Noise { best: None } => out.write_str("the model explains the data to within their noise"),
-            Reason::Noise { best: Some((effects, fall)) } => write!(
-                out,
-                "the model explains the data to within their noise. {} would lower chi2 by {fall:.0}, which noise or a few rows \
-                 can do as well",
-                effects_listed(effects)
-            ),
             Reason::Lacking { effects, has_rivals: false } => {
                 write!(out, "the model lacks {}", effects_listed(effects))
             }
