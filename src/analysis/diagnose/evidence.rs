@@ -295,6 +295,39 @@ impl Evidence<'_> {
             None => Reason::Lacking { effects, has_rivals },
         };
         let mut found = Found::of(verdict, reason, ladder, self.noise.clone());
+        let (rivals, alternatives) = self.rivals_of(named)?;
+        found.alternatives = alternatives.iter().map(|set| self.names(set)).collect();
+        let or = |found: &mut Found, other: String| match found.alternatives.first_mut() {
+            Some(known) => known.push(other),
+            None => found.alternatives.push(vec![self.name(adopted[0]), other]),
+        };
+        if named.or_errors.is_some() && found.alternatives.is_empty() {
+            found.alternatives = vec![self.names(&adopted)];
+        }
+        for number in numbers.iter().chain(&same) {
+            let Law::Number { key, given, right } = &number.law else { continue };
+            found.notes.push(Note::MayBeANumber { key: key.clone(), given: given.clone(), right: right.clone() });
+        }
+        numbers.iter().filter_map(|number| number.law.key()).for_each(|key| or(&mut found, key.to_string()));
+        if named.law_is_rival {
+            or(&mut found, "formula".into());
+            found.law = self.law();
+        }
+        // The first rival that a measurement can distinguish.
+        for place in 0..rivals.len() {
+            let (case, hypotheses, can) = (self.case, self.search.hypotheses, &self.options.can);
+            let rival = &rivals[place];
+            found.next = experiment_design::best(case, hypotheses, &node, &rival.node, &rivals[place..], can)?;
+            if found.next.is_some() {
+                break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Rivals one by one, and for each effect in whose place there are any, that effect and those.
+    fn rivals_of(&self, named: &Named) -> Result<(Vec<Rival>, Vec<Vec<usize>>), InputError> {
+        let adopted = named.adopted.set();
         let (mut rivals, mut alternatives): (Vec<Rival>, Vec<Vec<usize>>) = (Vec::new(), Vec::new());
         for rival in &named.rivals {
             let set = rival.set();
@@ -314,40 +347,7 @@ impl Evidence<'_> {
                 }
             }
         }
-        found.alternatives = alternatives.iter().map(|set| self.names(set)).collect();
-        let or = |found: &mut Found, other: String| match found.alternatives.first_mut() {
-            Some(known) => known.push(other),
-            None => found.alternatives.push(vec![self.name(adopted[0]), other]),
-        };
-        if named.or_errors.is_some() && found.alternatives.is_empty() {
-            found.alternatives = vec![self.names(&adopted)];
-        }
-        let mut keys: Vec<&String> = Vec::new();
-        for (number, is_rival) in numbers.iter().map(|one| (one, true)).chain(same.iter().map(|one| (one, false))) {
-            let Law::Number { key, given, right } = &number.law else { continue };
-            if keys.contains(&key) {
-                continue;
-            }
-            keys.push(key);
-            if is_rival {
-                or(&mut found, key.clone());
-            }
-            found.notes.push(Note::MayBeANumber { key: key.clone(), given: given.clone(), right: right.clone() });
-        }
-        if named.law_is_rival {
-            or(&mut found, "formula".into());
-            found.law = self.law();
-        }
-        // The first rival that a measurement can distinguish.
-        for place in 0..rivals.len() {
-            let (case, hypotheses, can) = (self.case, self.search.hypotheses, &self.options.can);
-            let rival = &rivals[place];
-            found.next = experiment_design::best(case, hypotheses, &node, &rival.node, &rivals[place..], can)?;
-            if found.next.is_some() {
-                break;
-            }
-        }
-        Ok(found)
+        Ok((rivals, alternatives))
     }
 
     /// The law of the measurement, as a formula.

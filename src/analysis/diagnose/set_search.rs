@@ -153,6 +153,12 @@ impl SetSearch<'_> {
         let mut numbers: Vec<WithLaw> =
             [&base].into_iter().chain(best).flat_map(|line| self.numbers_of(line)).collect();
         numbers.sort_by(|a, b| a.minus_2_ln_z.total_cmp(&b.minus_2_ln_z));
+        let mut known: Vec<String> = Vec::new();
+        numbers.retain(|number| {
+            let is_new = number.law.key().is_some_and(|key| !known.iter().any(|known| known == key));
+            known.extend(number.law.key().map(str::to_string));
+            is_new
+        });
         Ok(Searched { sets, law, numbers, alone })
     }
 

@@ -116,6 +116,11 @@ impl Law {
         }
     }
 
+    /// The key of a number of the mission.
+    pub(in super::super) fn key(&self) -> Option<&str> {
+        if let Law::Number { key, .. } = self { Some(key) } else { None }
+    }
+
     /// Prior widths of its parameters.
     fn widths(&self, columns: &[Vec<f64>], model: &[f64]) -> Vec<f64> {
         if let Law::Temperatures(scatter_k) = self {
