@@ -2,6 +2,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use ctiplan::effect::CATALOGUE;
 
 fn pages() -> Vec<PathBuf> {
     let all = fs::read_dir("docs").unwrap().map(|entry| entry.unwrap().path());
@@ -79,6 +82,65 @@ fn links_lead_somewhere() {
         }
     }
     assert!(checked > 50, "{checked}");
+}
+
+/// Numbers before a word, in digits or in letters, in prose: "23" and "eleven" of "23 effects" and "Eleven studies".
+fn counts(text: &str, of: &str) -> Vec<usize> {
+    const IN_LETTERS: [&str; 24] = [
+        "zero",
+        "one",
+        "two",
+        "three",
+        "four",
+        "five",
+        "six",
+        "seven",
+        "eight",
+        "nine",
+        "ten",
+        "eleven",
+        "twelve",
+        "thirteen",
+        "fourteen",
+        "fifteen",
+        "sixteen",
+        "seventeen",
+        "eighteen",
+        "nineteen",
+        "twenty",
+        "twenty-one",
+        "twenty-two",
+        "twenty-three",
+    ];
+    let bare = |word: &str| word.trim_matches(|letter: char| !letter.is_alphanumeric()).to_lowercase();
+    let text: Vec<&str> = prose(text).into_iter().filter(|line| !line.starts_with('#')).collect();
+    let prose = text.join(" ");
+    let words: Vec<String> =
+        prose.split_whitespace().map(bare).filter(|word| word != "physical" && word != "trade").collect();
+    let number = |word: &String| word.parse().ok().or_else(|| IN_LETTERS.iter().position(|known| known == word));
+    words.windows(2).filter(|pair| pair[1] == of).filter_map(|pair| number(&pair[0])).collect()
+}
+
+/// Larger numbers of effects or studies than any page has reason to name are those of all.
+#[test]
+fn pages_count_effects_and_studies_as_the_program_does() {
+    let help = Command::new(env!("CARGO_BIN_EXE_ctiplan")).args(["study", "--help"]).output().unwrap().stdout;
+    let help = String::from_utf8(help).unwrap();
+    let is_command = |line: &&str| line.strip_prefix("  ").is_some_and(|rest| rest.starts_with(char::is_alphabetic));
+    let studies = help.lines().filter(is_command).filter(|line| !line.trim().starts_with("help")).count();
+    // A formula is the user's.
+    let effects = CATALOGUE.len() - 1;
+    let mut found = [0, 0];
+    for page in pages().into_iter().chain(["README.md", "CHANGELOG.md", "llms.txt"].map(PathBuf::from)) {
+        let text = fs::read_to_string(&page).unwrap();
+        for (place, (of, all)) in [("effects", effects), ("studies", studies)].into_iter().enumerate() {
+            for count in counts(&text, of).into_iter().filter(|count| *count > all / 2) {
+                assert_eq!(count, all, "{}: {count} {of}", page.display());
+                found[place] += 1;
+            }
+        }
+    }
+    assert!(found.iter().all(|found| *found > 0), "{found:?}");
 }
 
 #[test]
