@@ -30,9 +30,8 @@ pub(super) fn say(ranking: &Ranking, out: &mut Parts) {
     if !shares.is_empty() {
         out.words(format!("  probability of an effect among these sets: {}", shares.join(", ")), 4);
     }
-    for (what, law) in
-        [("law of the measured values", ranking.law.as_ref()), ("number of the mission", ranking.numbers.first())]
-    {
+    let number = ranking.numbers.first().filter(|number| number.excess < ranking.decided);
+    for (what, law) in [("law of the measured values", ranking.law.as_ref()), ("number of the mission", number)] {
         let Some(law) = law else { continue };
         let beside =
             if law.beside.is_empty() { String::new() } else { format!(" beside {}", effects_listed(&law.beside)) };

@@ -166,7 +166,7 @@ impl fmt::Display for Note {
             ),
             Note::MayBeANumber { key, given, right } => write!(
                 out,
-                "{key} = {right} in place of {given} explains the data about as well: is the number in the mission right?"
+                "{key} = {right} in place of {given} explains the data about as well: check the number in the mission"
             ),
             Note::NothingDetectable => out.write_str(
                 "no effect of the catalogue could have been detected with these data, of any strength: that the model explains them \
