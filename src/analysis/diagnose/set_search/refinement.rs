@@ -1,15 +1,23 @@
 //! Sets that matter, fitted to their end from several starts: their own, least squares, and a scan of each parameter.
 
 use super::super::explanation::{Explanation, Start, Unknown, with_values};
+use super::super::fitted_model::Added;
+use super::super::prior::Prior;
 use super::linear::Linear;
 use super::signature::Strength;
-use super::{FITTED, SetSearch, WORTH_A_FIT, best};
+use super::{FITTED, SetSearch, WORTH_A_FIT, best, distinct};
 use crate::analysis::fit::parameter::Parameter;
 use crate::analysis::likelihood::{Errors, minus_2_ln_l};
+use crate::effect;
+use crate::mission_file;
 use crate::numeric::parallel;
 
 /// Evidence up to which a set counts as a rival, or is fitted to the end: −2 ln Z within this of the best.
 const NEAR: f64 = 20.0;
+
+/// Sets whose subsets are fitted from their values, and rounds of that, since a subset may itself have one that is as good.
+const SETS_WITH_SUBSETS: usize = 3;
+const ROUNDS_OF_SUBSETS: usize = 2;
 
 /// Sets that are scanned, and the steps of logarithms.
 const SCANNED: usize = 8;
@@ -61,6 +69,9 @@ impl SetSearch<'_> {
         let mut sets: Vec<Explanation> =
             sets.into_iter().zip(better).map(|(one, better)| better.unwrap_or(one)).collect();
         sets.sort_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()));
+        for _ in 0..ROUNDS_OF_SUBSETS {
+            sets = self.with_subsets(sets);
+        }
         // Small sets first: larger ones start from them, and are named only if these are not enough.
         let near = best(&sets) + NEAR;
         // More than noise is not left to be found by an effect beside those that leave only that.
@@ -80,6 +91,53 @@ impl SetSearch<'_> {
             sets[place] = self.scanned(&sets[place]);
         }
         sets
+    }
+
+    /// With the subsets of the best sets, each fitted from the values of the larger one: an effect that is not needed may have led to a
+    /// minimum that the search for the others alone did not reach.
+    fn with_subsets(&self, sets: Vec<Explanation>) -> Vec<Explanation> {
+        let near = best(&sets) + NEAR;
+        let larger = sets.iter().filter(|one| one.minus_2_ln_z() < near).take(SETS_WITH_SUBSETS);
+        let wanted: Vec<(&Explanation, usize)> =
+            larger.flat_map(|one| (0..one.added.len()).map(move |gone| (one, gone))).collect();
+        let found = parallel::map(wanted, |(one, gone)| {
+            let start = self.without(one, gone)?;
+            self.fitter.fit(&start, Some(&one.errors), false).ok()
+        });
+        let subsets: Vec<Explanation> = found.into_iter().flatten().collect();
+        distinct(sets.into_iter().chain(subsets).collect())
+    }
+
+    /// A set without one of its effects, at the same values of all other parameters; None if two of the others are of one kind.
+    fn without(&self, one: &Explanation, gone: usize) -> Option<Start> {
+        let value = |key: &String| one.unknowns.iter().find(|unknown| unknown.parameter.key == *key);
+        let settings: Vec<_> = self
+            .free
+            .iter()
+            .map(|key| Some((key.clone(), value(key)?.parameter.start.into())))
+            .collect::<Option<_>>()?;
+        let mut mission = self.fitter.model.mission.with(&settings).ok()?;
+        let mut keys: Vec<(String, Option<Prior>)> =
+            self.free.iter().map(|key| Some((key.clone(), value(key)?.prior))).collect::<Option<_>>()?;
+        let mut added: Vec<Added> = Vec::new();
+        for (_, known) in one.added.iter().enumerate().filter(|(place, _)| *place != gone) {
+            let kind = self.hypotheses[known.hypothesis].kind;
+            if added.iter().any(|other| self.hypotheses[other.hypothesis].kind == kind) {
+                return None;
+            }
+            let (with, key) =
+                mission_file::add_effect(&mission, kind, effect::table(&one.mission, &known.key)?.clone()).ok()?;
+            mission = with;
+            let renamed = |full: &String| full.replacen(&known.key, &key, 1);
+            keys.extend(known.free.iter().filter_map(|full| Some((renamed(full), value(full)?.prior))));
+            added.push(Added { hypothesis: known.hypothesis, free: known.free.iter().map(renamed).collect(), key });
+        }
+        let unknown = |(key, prior): (String, Option<Prior>)| {
+            Some(Unknown { parameter: Parameter::of(&mission, &key).ok()?, prior })
+        };
+        let unknowns = keys.into_iter().map(unknown).collect::<Option<Vec<Unknown>>>()?;
+        let choices = self.choices_of(&added);
+        Some(Start { added, mission, unknowns, choices, known: self.nothing() })
     }
 
     /// A set from other values of its parameters: a narrow minimum, or one far away, is not reached by slopes. Each parameter that is
