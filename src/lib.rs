@@ -48,6 +48,7 @@ pub mod sweep;
 // Text, tables and figures; the command line.
 pub mod report;
 
+#[cfg(feature = "cli")]
 pub mod cli;
 
 pub use plan::evaluate::evaluate;

@@ -14,8 +14,10 @@ mod schema;
 mod template;
 
 pub use edit::{add_effect, edit, with_effects};
-pub(crate) use galaxies::of_table as galaxies_of_table;
+pub use galaxies::of_table as galaxies_of_table;
 pub(crate) use number::Handle;
-pub(crate) use read::{check_value, line_at, read_text};
+#[cfg(feature = "cli")]
+pub(crate) use read::read_text;
+pub(crate) use read::{check_value, line_at};
 pub use schema::schema;
 pub use template::template;

@@ -10,6 +10,8 @@ mod distribution;
 mod grid;
 mod merge;
 mod output;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod parts;
 mod point;
 mod run;
@@ -23,5 +25,6 @@ pub use merge::{Merged, Spread, collect};
 pub use output::{Output, Undefined};
 pub use parts::Parts;
 pub use run::{Done, run};
+#[cfg(feature = "cli")]
 pub(crate) use slurm::quoted;
 pub use slurm::{Shard, indices, missing, script};

@@ -73,7 +73,8 @@ impl Outcome {
     /// Figures by the names of their files, in a file format (svg, pdf, png).
     fn figures(&self, py: Python<'_>, format: &str) -> PyResult<Vec<(String, Vec<u8>)>> {
         let known = plot::Format::ALL
-            .into_iter()
+            .iter()
+            .copied()
             .find(|known| known.ending() == format)
             .ok_or_else(|| InputError::new(format!("cannot draw as \"{format}\""), "allowed: svg, pdf, png"));
         let draw = |format: plot::Format| {

@@ -27,7 +27,12 @@ pub(super) struct Drawn {
 
 fn plot_format(text: &str) -> Result<Format, String> {
     let known = |format: &Format| format.ending() == text;
-    Format::ALL.into_iter().find(known).ok_or_else(|| "figures can be svg, pdf and png".into())
+    let refused = if cfg!(feature = "figures") {
+        "figures can be svg, pdf and png"
+    } else {
+        "figures can be svg; pdf and png take ctiplan with its feature `figures`"
+    };
+    Format::ALL.iter().copied().find(known).ok_or_else(|| refused.into())
 }
 
 impl Drawn {

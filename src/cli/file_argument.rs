@@ -180,7 +180,7 @@ impl<'a> Files<'a> {
             let replaced = |path: &PathBuf| match output {
                 Written::File(_) => true,
                 // Figures of other formats stay.
-                Written::Into(..) => !figures(path, &Format::ALL) || figures(path, &self.formats),
+                Written::Into(..) => !figures(path, Format::ALL) || figures(path, &self.formats),
             };
             let remedy = |error: InputError| match output {
                 Written::Into(..) if error.help.is_some() => {

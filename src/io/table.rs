@@ -6,7 +6,7 @@
 //! of a `Quantity`, `Time` or masked column become one column again. The header is read as YAML 1.2, in which `1.78e8` is a number
 //! as intended; in astropy's YAML 1.1 it is a string.
 //!
-//! Parquet is read by its columns (see `parquet.rs`).
+//! Parquet is read by its columns (see `parquet.rs`); without the feature `parquet` it is refused.
 //!
 //! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may follow a name
 //! in brackets, and datatypes are inferred from the cells. Where semicolons or tabs delimit, a comma may be the decimal point.
@@ -14,11 +14,16 @@
 //! A number is converted from the unit in the header by `Table::conversion`, for every kind of table, and a point in time by
 //! [`Cell::moment`].
 
+#[cfg(feature = "parquet")]
 mod arrow_schema;
 mod columns;
 mod csv;
 mod ecsv;
 mod moment;
+#[cfg(feature = "parquet")]
+mod parquet;
+#[cfg(not(feature = "parquet"))]
+#[path = "table/parquet_left_out.rs"]
 mod parquet;
 mod serialized;
 mod time_scale;
@@ -28,9 +33,14 @@ use std::path::Path;
 
 pub use columns::{Cell, Column, Datatype, Meta, Table, Time};
 pub use moment::NotADate;
+#[cfg(not(feature = "parquet"))]
+pub(crate) use parquet::left_out;
 
 use crate::error::InputError;
 use crate::io::{foreign, input};
+
+/// How a Parquet file begins.
+const PARQUET: &[u8] = b"PAR1";
 
 impl Table {
     /// Reads a table from a file: ECSV, plain CSV, or Parquet, recognised by its first bytes.
@@ -40,7 +50,7 @@ impl Table {
     pub fn read(path: impl AsRef<Path>) -> Result<Table, InputError> {
         let table = Table { name: path.as_ref().display().to_string(), ..Table::default() };
         let bytes = input::bytes(path.as_ref(), input::MOST_OF_A_TABLE).map_err(|problem| table.refuse(problem))?;
-        if bytes.starts_with(parquet::MAGIC) {
+        if bytes.starts_with(PARQUET) {
             let mut table = table;
             table.read_parquet(bytes)?;
             return Ok(table);

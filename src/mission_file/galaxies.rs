@@ -46,7 +46,7 @@ fn refusal(file: &str, problem: String) -> InputError {
 ///
 /// # Errors
 /// If it has no galaxy or no known column, or a value is not allowed: one message with file, line, column and value.
-pub(crate) fn of_table(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
+pub fn of_table(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
     of_columns(table).map_err(|error| refused(&table.name, error))
 }
 

@@ -8,8 +8,12 @@ mod drawing;
 mod font;
 pub mod label;
 mod legend;
+#[cfg(feature = "figures")]
+mod outline;
+#[cfg(feature = "figures")]
 mod pdf;
 mod pen;
+#[cfg(feature = "figures")]
 mod png;
 mod svg;
 
@@ -128,20 +132,30 @@ pub enum Format {
     /// For browsers and vector editors.
     Svg,
     /// For papers: the width of a column.
+    #[cfg(feature = "figures")]
     Pdf,
     /// For slides: 1920 pixels wide.
+    #[cfg(feature = "figures")]
     Png,
 }
 
 impl Format {
-    /// All.
-    pub const ALL: [Format; 3] = [Format::Svg, Format::Pdf, Format::Png];
+    /// All, of which PDF and PNG are there with the feature `figures`.
+    pub const ALL: &[Format] = &[
+        Format::Svg,
+        #[cfg(feature = "figures")]
+        Format::Pdf,
+        #[cfg(feature = "figures")]
+        Format::Png,
+    ];
 
     /// The suffix of a file.
     pub fn ending(self) -> &'static str {
         match self {
             Format::Svg => "svg",
+            #[cfg(feature = "figures")]
             Format::Pdf => "pdf",
+            #[cfg(feature = "figures")]
             Format::Png => "png",
         }
     }
@@ -152,7 +166,9 @@ impl Figure {
     pub fn to(&self, format: Format) -> Vec<u8> {
         match format {
             Format::Svg => self.svg().into_bytes(),
+            #[cfg(feature = "figures")]
             Format::Pdf => pdf::pdf(&self.drawing()),
+            #[cfg(feature = "figures")]
             Format::Png => png::png(&self.drawing()),
         }
     }
@@ -471,9 +487,15 @@ mod tests {
             assert_eq!(svg, figure.svg());
             assert!(svg.starts_with("<svg width=\"480\"") && svg.ends_with("</svg>\n"));
             assert!(!svg.contains("NaN") && !svg.contains("inf"), "{figure:?}");
-            assert!(figure.to(Format::Pdf).starts_with(b"%PDF"));
-            // A PNG takes long.
-            assert!(index % 20 > 0 || figure.to(Format::Png).starts_with(b"\x89PNG"));
+            for format in Format::ALL {
+                let begins: &[u8] = match format.ending() {
+                    "svg" => b"<svg",
+                    "pdf" => b"%PDF",
+                    _ => b"\x89PNG",
+                };
+                // A PNG takes long.
+                assert!(index % 20 > 0 && format.ending() == "png" || figure.to(*format).starts_with(begins));
+            }
         }
     }
 

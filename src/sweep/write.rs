@@ -4,30 +4,21 @@
 //! and empty cells in CSV. The sweep's fingerprint is a column, and in Parquet also metadata of the file.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io;
 use std::path::Path;
-use std::sync::Arc;
 
-use chrono::{Datelike, NaiveDate};
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int32Type, Int64Type};
-use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
-use parquet::schema::types::Type;
-
-use super::grid::{Grid, Holds};
+use super::grid::Grid;
+#[cfg(feature = "parquet")]
+use super::parquet::{self, ParquetWriter};
 use crate::error::InputError;
+#[cfg(not(feature = "parquet"))]
+use crate::io::table;
 use crate::io::table::Cell;
-
-/// Key of the fingerprint in a Parquet file's metadata.
-const FINGERPRINT: &str = "ctiplan.sweep";
 
 /// A file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ColumnKind {
+    #[cfg(feature = "parquet")]
     Parquet,
     Csv,
 }
@@ -36,7 +27,10 @@ impl ColumnKind {
     /// From the suffix of the file's name.
     pub fn of(path: &Path) -> Result<ColumnKind, InputError> {
         match path.extension().and_then(|extension| extension.to_str()) {
+            #[cfg(feature = "parquet")]
             Some("parquet") => Ok(ColumnKind::Parquet),
+            #[cfg(not(feature = "parquet"))]
+            Some("parquet") => Err(table::left_out(InputError::new(format!("cannot write `{}`", path.display()), ""))),
             Some("csv") => Ok(ColumnKind::Csv),
             _ => Err(InputError::new(
                 format!("cannot write `{}`", path.display()),
@@ -57,16 +51,11 @@ impl ColumnKind {
             return Err(InputError::new(format!("cannot use `{}`", path.display()), "this is a folder, not a file"));
         }
         Ok(Some(match self {
-            ColumnKind::Parquet => of_parquet(file).unwrap_or_default(),
+            #[cfg(feature = "parquet")]
+            ColumnKind::Parquet => parquet::fingerprint(file).unwrap_or_default(),
             ColumnKind::Csv => of_csv(file).unwrap_or_default(),
         }))
     }
-}
-
-fn of_parquet(file: File) -> Option<String> {
-    let reader = SerializedFileReader::new(file).ok()?;
-    let known = reader.metadata().file_metadata().key_value_metadata()?;
-    known.iter().find(|entry| entry.key == FINGERPRINT)?.value.clone()
 }
 
 fn of_csv(file: File) -> Option<String> {
@@ -88,34 +77,20 @@ pub(super) fn written(cell: &Cell) -> String {
 /// Writes rows into a file, in batches.
 pub(super) enum TableWriter<'a> {
     Csv(Box<csv::Writer<&'a mut File>>),
-    Parquet(Vec<Holds>, Box<SerializedFileWriter<BufWriter<&'a mut File>>>),
+    #[cfg(feature = "parquet")]
+    Parquet(ParquetWriter<'a>),
 }
 
 impl<'a> TableWriter<'a> {
     pub fn new(kind: ColumnKind, file: &'a mut File, grid: &Grid) -> io::Result<TableWriter<'a>> {
-        let columns = grid.columns();
         match kind {
             ColumnKind::Csv => {
                 let mut writer = csv::Writer::from_writer(file);
-                writer.write_record(columns.iter().map(|(name, _)| name))?;
+                writer.write_record(grid.columns().iter().map(|(name, _)| name))?;
                 Ok(TableWriter::Csv(Box::new(writer)))
             }
-            ColumnKind::Parquet => {
-                let fields = columns.iter().map(|(name, holds)| field(name, *holds)).collect::<Result<Vec<_>, _>>();
-                let schema = fields.and_then(|fields| Type::group_type_builder("sweep").with_fields(fields).build());
-                let said = [(FINGERPRINT, grid.fingerprint.as_str()), ("ctiplan.version", env!("CARGO_PKG_VERSION"))];
-                let said = said.map(|(key, value)| KeyValue::new(key.to_string(), value.to_string())).to_vec();
-                let properties = WriterProperties::builder()
-                    .set_compression(Compression::SNAPPY)
-                    .set_created_by(format!("ctiplan version {}", env!("CARGO_PKG_VERSION")))
-                    .set_key_value_metadata(Some(said))
-                    .build();
-                let writer = schema.and_then(|schema| {
-                    SerializedFileWriter::new(BufWriter::new(file), Arc::new(schema), Arc::new(properties))
-                });
-                let holds = columns.into_iter().map(|(_, holds)| holds).collect();
-                Ok(TableWriter::Parquet(holds, Box::new(writer.map_err(plain)?)))
-            }
+            #[cfg(feature = "parquet")]
+            ColumnKind::Parquet => Ok(TableWriter::Parquet(ParquetWriter::new(file, grid)?)),
         }
     }
 
@@ -124,85 +99,16 @@ impl<'a> TableWriter<'a> {
             TableWriter::Csv(writer) => {
                 rows.iter().try_for_each(|row| writer.write_record(row.iter().map(written)).map_err(io::Error::from))
             }
-            TableWriter::Parquet(..) if rows.is_empty() => Ok(()),
-            TableWriter::Parquet(holds, writer) => row_group(writer, holds, rows).map_err(plain),
+            #[cfg(feature = "parquet")]
+            TableWriter::Parquet(writer) => writer.write(rows),
         }
     }
 
     pub fn finish(self) -> io::Result<()> {
         match self {
             TableWriter::Csv(mut writer) => writer.flush(),
-            TableWriter::Parquet(_, writer) => writer.into_inner().map_err(plain)?.flush(),
+            #[cfg(feature = "parquet")]
+            TableWriter::Parquet(writer) => writer.finish(),
         }
     }
-}
-
-/// The error of a file, without the library's own words around it.
-fn plain(error: ParquetError) -> io::Error {
-    match error {
-        ParquetError::External(error) => match error.downcast::<io::Error>() {
-            Ok(error) => *error,
-            Err(error) => io::Error::other(error),
-        },
-        error => io::Error::other(error),
-    }
-}
-
-fn field(name: &str, holds: Holds) -> Result<Arc<Type>, ParquetError> {
-    let (physical, logical) = match holds {
-        Holds::Numbers => (Physical::DOUBLE, None),
-        Holds::Integers => (Physical::INT64, None),
-        Holds::Words => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
-        Holds::Days => (Physical::INT32, Some(LogicalType::Date)),
-    };
-    let builder = Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL);
-    Ok(Arc::new(builder.with_logical_type(logical).build()?))
-}
-
-fn row_group<W: Write + Send>(
-    writer: &mut SerializedFileWriter<W>,
-    holds: &[Holds],
-    rows: &[Vec<Cell>],
-) -> Result<(), ParquetError> {
-    let mut group = writer.next_row_group()?;
-    for (column, holds) in holds.iter().enumerate() {
-        let cells = || rows.iter().map(move |row| &row[column]);
-        match holds {
-            Holds::Numbers => write_column::<DoubleType, W>(&mut group, cells(), |cell| match cell {
-                Cell::Number(number) => Some(*number),
-                _ => None,
-            }),
-            Holds::Integers => write_column::<Int64Type, W>(&mut group, cells(), |cell| match cell {
-                Cell::Integer(integer) => Some(*integer),
-                _ => None,
-            }),
-            Holds::Words => write_column::<ByteArrayType, W>(&mut group, cells(), |cell| match cell {
-                Cell::Text(text) => Some(ByteArray::from(text.as_str())),
-                _ => None,
-            }),
-            Holds::Days => write_column::<Int32Type, W>(&mut group, cells(), |cell| match cell {
-                Cell::Text(text) => text.parse().ok().map(days_since_1970),
-                _ => None,
-            }),
-        }?;
-    }
-    group.close()?;
-    Ok(())
-}
-
-fn write_column<'c, T: parquet::data_type::DataType, W: Write + Send>(
-    group: &mut SerializedRowGroupWriter<'_, W>,
-    cells: impl Iterator<Item = &'c Cell>,
-    value: impl Fn(&Cell) -> Option<T::T>,
-) -> Result<(), ParquetError> {
-    let values: Vec<Option<T::T>> = cells.map(value).collect();
-    let levels: Vec<i16> = values.iter().map(|value| i16::from(value.is_some())).collect();
-    let values: Vec<T::T> = values.into_iter().flatten().collect();
-    let mut column = group.next_column()?.expect("as many columns as the schema has");
-    column.typed::<T>().write_batch(&values, Some(&levels), None)?;
-    column.close()
-}
-
-fn days_since_1970(day: NaiveDate) -> i32 {
-    day.num_days_from_ce() - NaiveDate::default().num_days_from_ce()
 }

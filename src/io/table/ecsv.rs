@@ -71,6 +71,7 @@ impl Table {
     }
 
     /// Adds what the header of an ECSV file, kept elsewhere as YAML, says of the columns, and its `meta`.
+    #[cfg(feature = "parquet")]
     pub(super) fn describe(&mut self, yaml: &str) -> Result<(), InputError> {
         let refused = |problem: &str| self.refuse(format!("its header of astropy cannot be read: {problem}"));
         let documents = MarkedYaml::load_from_str(yaml).map_err(|error| refused(error.info()))?;

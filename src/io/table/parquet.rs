@@ -23,9 +23,6 @@ use serde_json::Value;
 use super::{Cell, Column, Datatype, Meta, Table, arrow_schema};
 use crate::error::InputError;
 
-/// How a Parquet file begins and ends.
-pub(super) const MAGIC: &[u8] = b"PAR1";
-
 /// The header of ECSV that astropy keeps among the metadata.
 const ASTROPY: &str = "table_meta_yaml";
 

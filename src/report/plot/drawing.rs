@@ -41,17 +41,6 @@ pub enum Anchor {
     Upwards,
 }
 
-impl Anchor {
-    /// Fraction of the text's length before its point.
-    pub fn before(self) -> f64 {
-        match self {
-            Anchor::Start => 0.0,
-            Anchor::Middle | Anchor::Upwards => 0.5,
-            Anchor::End => 1.0,
-        }
-    }
-}
-
 impl Drawing {
     /// Writes text.
     pub fn write(&mut self, text: &str, size: f64, at: Point, anchor: Anchor) {

@@ -4,7 +4,8 @@ use pdf_writer::types::LineJoinStyle;
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref};
 
 use super::drawing::{Anchor, Color, Drawing, Mark, Point};
-use super::font::{HALF_HEIGHT, Stroke, length, outlines};
+use super::font::{HALF_HEIGHT, length};
+use super::outline::{Stroke, outlines};
 
 /// Width of a column of ApJ, PASP and MNRAS, pt.
 const COLUMN: f64 = 252.0;

@@ -3,7 +3,8 @@
 use tiny_skia::{FillRule, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
 
 use super::drawing::{Anchor, Drawing, Mark, Point};
-use super::font::{self, HALF_HEIGHT, length, outlines};
+use super::font::{HALF_HEIGHT, length};
+use super::outline::{self, outlines};
 
 /// Pixels of the image per px of the drawing: 550 per inch in the column of a paper.
 const SCALE: f64 = 4.0;
@@ -71,13 +72,13 @@ fn letters(text: &str, size: f64, (left, lower): Point) -> Option<Path> {
     let mut path = PathBuilder::new();
     for stroke in outlines(text, size) {
         match stroke {
-            font::Stroke::Move(to) => path.move_to(at(to).0, at(to).1),
-            font::Stroke::Line(to) => path.line_to(at(to).0, at(to).1),
-            font::Stroke::Curve(points) => {
+            outline::Stroke::Move(to) => path.move_to(at(to).0, at(to).1),
+            outline::Stroke::Line(to) => path.line_to(at(to).0, at(to).1),
+            outline::Stroke::Curve(points) => {
                 let [(x1, y1), (x2, y2), (x3, y3)] = points.map(at);
                 path.cubic_to(x1, y1, x2, y2, x3, y3);
             }
-            font::Stroke::Close => path.close(),
+            outline::Stroke::Close => path.close(),
         }
     }
     path.finish()
