@@ -1,5 +1,4 @@
 #![doc = include_str!("../README.md")]
-#![warn(missing_docs)]
 
 // A module uses those above it, never those below. `tests/suite/architecture.rs` checks this, and for the readout, a crate of its own,
 // the compiler does. See docs/architecture.md.

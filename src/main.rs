@@ -1,3 +1,5 @@
+//! The command `ctiplan`: what belongs to a process (its allocator, its output, signals) around the library.
+
 use std::process::ExitCode;
 
 /// A diagnosis makes millions of short-lived buffers of 10 to 100 kB, which take other allocators a quarter of its time

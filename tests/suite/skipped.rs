@@ -9,6 +9,7 @@ use std::sync::Mutex;
 static ABSENT: Mutex<BTreeMap<String, usize>> = Mutex::new(BTreeMap::new());
 
 /// Notes that a test, or a part of it, is skipped for want of something.
+#[expect(unsafe_code, reason = "nothing else in Rust is called at the end of a program")]
 pub fn for_want_of(what: impl Into<String>) {
     let mut absent = ABSENT.lock().unwrap();
     if absent.is_empty() {
@@ -18,6 +19,7 @@ pub fn for_want_of(what: impl Into<String>) {
     *absent.entry(what.into()).or_default() += 1;
 }
 
+#[expect(unsafe_code, reason = "as above")]
 unsafe extern "C" {
     fn atexit(function: extern "C" fn()) -> c_int;
 }

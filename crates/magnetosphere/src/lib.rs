@@ -8,6 +8,8 @@
 //! Lengths are in Earth radii of 6371.2 km, fields in nT, energies in MeV; fluxes are omnidirectional, in cm⁻² s⁻¹. Places are
 //! geocentric and rotate with the Earth. The crate imports nothing from the program, as the compiler ensures.
 
+#![forbid(unsafe_code)]
+
 pub mod belt;
 pub mod cutoff;
 pub mod dipole;
