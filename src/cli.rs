@@ -190,11 +190,13 @@ fn print(report: &impl Report, output: &Output) -> Result<(), Failure> {
 
 /// The same; text output also suggests the next command.
 fn print_and_suggest(report: &impl Report, output: &Output, next: Option<String>) -> Result<(), Failure> {
-    let mut text = report.render(output.format());
-    if let Some(command) = next.filter(|_| output.format() == Format::Text) {
-        text += &format!("\nnext: {command}\n");
-    }
-    say(&text)
+    let text = report.render(output.format());
+    say(&suggesting(text, next.filter(|_| output.format() == Format::Text)))
+}
+
+/// Text that ends with the next command.
+fn suggesting(text: String, next: Option<String>) -> String {
+    next.iter().fold(text, |text, command| text + &format!("\nnext: {command}\n"))
 }
 
 /// Text on standard output.

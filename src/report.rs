@@ -20,6 +20,7 @@ pub mod study;
 mod sweep;
 mod validate;
 
+pub use evaluate::Depth;
 pub use fit::FitReport;
 pub use measure::MeasureReport;
 pub use page::{Page, page};

@@ -5,13 +5,14 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::number_argument::{probability, whole};
-use super::{Failure, Outcome, Output, print_and_suggest, progress};
+use super::{Failure, Outcome, Output, progress, say, suggesting};
 use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::plan::assessment::{Assessment, Options, Progress, assess};
 use crate::plan::compliance::passes;
 use crate::plan::mission_sample::MissionSample;
+use crate::report::{Depth, Format, Report};
 
 #[derive(Debug, Args)]
 pub(super) struct Evaluate {
@@ -36,6 +37,12 @@ pub(super) struct Evaluate {
     /// Required probability that the budget of the galaxy is met to the end of the mission, such as 0.9
     #[arg(long, alias = "confidence", value_name = "P", value_parser = probability)]
     probability: Option<f64>,
+    /// Print the verdict and the warnings alone
+    #[arg(short = 'q', long, conflicts_with_all = ["verbose", "json", "csv"])]
+    brief: bool,
+    /// Print every year, every trap species and the release times too
+    #[arg(short, long, conflicts_with_all = ["json", "csv"])]
+    verbose: bool,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -60,8 +67,19 @@ impl Evaluate {
         self.drawn.write(&report, &[mission])?;
         // If the date is too early, its causes are of interest.
         let next = (!met).then(|| format!("ctiplan study error-budget {}", self.mission.words()));
-        print_and_suggest(&report, &self.output, next)?;
+        match self.output.format() {
+            Format::Text => say(&suggesting(report.told(self.depth()).text(), next.filter(|_| !self.brief)))?,
+            format => say(&report.render(format))?,
+        }
         Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
+    }
+
+    fn depth(&self) -> Depth {
+        match (self.brief, self.verbose) {
+            (true, _) => Depth::Verdict,
+            (_, true) => Depth::Whole,
+            _ => Depth::Short,
+        }
     }
 
     fn assess(&self, mission: &Mission, options: &Options) -> Result<Assessment, InputError> {

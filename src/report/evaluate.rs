@@ -6,6 +6,7 @@ mod figures;
 mod flown;
 mod noise;
 mod population;
+mod verdict;
 
 use comfy_table::Table;
 use serde::ser::{Serialize, Serializer};
@@ -25,6 +26,17 @@ use crate::plan::evaluate::{Evaluation, Year};
 use crate::plan::flown::Flown;
 use crate::report::plot::Figure;
 use crate::report::validate::significant;
+
+/// How much of an evaluation is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// The verdict and the warnings.
+    Verdict,
+    /// Also its causes, and the state at the end of the mission.
+    Short,
+    /// Also every year, every species and the release times.
+    Whole,
+}
 
 /// The document of an evaluation, followed by the realisations.
 #[derive(serde::Serialize)]
@@ -84,7 +96,7 @@ impl Serialize for Assessment {
 
 impl Report for Assessment {
     fn text(&self) -> String {
-        self.parts().text()
+        self.told(Depth::Short).text()
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -96,12 +108,8 @@ impl Report for Assessment {
         let mut rows = vec![header];
         for year in years {
             for (galaxy, change) in mission.galaxies.iter().zip(&year.galaxies) {
-                let mut row = vec![
-                    year.t_yr.to_string(),
-                    date(year),
-                    year.dose_mev_g.to_string(),
-                    year.traps.iter().map(|species| species.density_per_px).sum::<f64>().to_string(),
-                ];
+                let mut row =
+                    vec![year.t_yr.to_string(), date(year), year.dose_mev_g.to_string(), all_traps(year).to_string()];
                 row.extend(year.traps.iter().map(|species| species.density_per_px.to_string()));
                 row.push(galaxy.name.clone());
                 row.extend(match change {
@@ -124,55 +132,7 @@ impl Page for Assessment {
     }
 
     fn parts(&self) -> Parts {
-        let Evaluation { model, years, warnings, .. } = &self.evaluation;
-        let mission = &model.mission;
-        let header = &mission.mission;
-        let mut out = Parts::default();
-        out.title(
-            &header.name,
-            format!(
-                "{} yr from {}, orbit {}; {} transfers of {} ms{}{}, {}",
-                header.duration_yr,
-                header.launch,
-                mission.orbit_name(),
-                mission.readout.transfers,
-                mission.readout.line_time_ms,
-                mission.readout.store.map_or(String::new(), burst),
-                mission.persistence().map_or(String::new(), exposures_before),
-                temperature(mission)
-            ),
-        );
-        out.gap();
-
-        if let Some(flown) = &self.flown {
-            flown::say(flown, mission, &mut out);
-        }
-        self.doses(&mut out);
-        out.heading("Change of ellipticity, delta e1");
-        for changes in changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()) {
-            out.table(changes);
-        }
-
-        self.at_the_end(&mut out);
-        if !self.noisy.is_empty() {
-            self.realisations(&mut out);
-        }
-
-        if let Some(biases) = &self.evaluation.population {
-            population::say(biases, mission, &mut out);
-        }
-        self.budget(&mut out);
-        if let Some(biases) = &self.evaluation.population {
-            population::judge(biases, mission, &mut out);
-        }
-        if let Some(distribution) = &self.distribution {
-            distribution::say(distribution, mission, &mut out);
-            distribution::say_met(&self.lines(), self.confidence, &mut out);
-        }
-        out.gap();
-        out.words(format!("Dose: {}", self.dose_origin()), 2);
-        out.warnings(warnings);
-        out
+        self.told(Depth::Whole)
     }
 
     fn figures(&self) -> Vec<(String, Figure)> {
@@ -190,7 +150,71 @@ impl Assessment {
         lines(&self.evaluation, self.distribution.as_ref(), self.confidence)
     }
 
-    fn doses(&self, out: &mut Parts) {
+    /// The evaluation in words and tables, verdict first.
+    pub fn told(&self, depth: Depth) -> Parts {
+        let mission = self.evaluation.mission();
+        let mut out = Parts::default();
+        if depth != Depth::Verdict {
+            self.title(&mut out);
+        }
+        verdict::say(self, &mut out);
+        out.warnings(&self.evaluation.warnings);
+        if let Some(biases) = &self.evaluation.population {
+            population::warn(biases, &mut out);
+        }
+        if depth == Depth::Verdict {
+            return out;
+        }
+        out.gap();
+        if let Some(flown) = &self.flown {
+            flown::say(flown, mission, &mut out);
+        }
+        self.budget(&mut out);
+        if let Some(biases) = &self.evaluation.population {
+            population::judge(biases, mission, &mut out);
+        }
+        if let Some(distribution) = &self.distribution {
+            distribution::say(distribution, mission, &mut out);
+            distribution::say_met(&self.lines(), self.confidence, &mut out);
+        }
+        self.at_the_end(&mut out);
+        if !self.noisy.is_empty() {
+            self.realisations(&mut out);
+        }
+        if let Some(biases) = &self.evaluation.population {
+            population::say(biases, mission, depth, &mut out);
+        }
+        out.gap();
+        out.words(format!("Dose: {}", self.dose_origin()), 2);
+        match depth {
+            Depth::Whole => self.by_year(&mut out),
+            _ => out.words("Each year, each species and the release times: -v", 2),
+        }
+        out
+    }
+
+    fn title(&self, out: &mut Parts) {
+        let mission = self.evaluation.mission();
+        let header = &mission.mission;
+        out.title(
+            &header.name,
+            format!(
+                "{} yr from {}, orbit {}; {} transfers of {} ms{}{}, {}",
+                header.duration_yr,
+                header.launch,
+                mission.orbit_name(),
+                mission.readout.transfers,
+                mission.readout.line_time_ms,
+                mission.readout.store.map_or(String::new(), burst),
+                mission.persistence().map_or(String::new(), exposures_before),
+                temperature(mission)
+            ),
+        );
+        out.gap();
+    }
+
+    /// Dose, traps and shapes at the end of each year.
+    fn by_year(&self, out: &mut Parts) {
         let Evaluation { model, years, .. } = &self.evaluation;
         let dose = model.history();
         let mut doses = table(&["t [yr]", "date", "active [yr]", "dose [MeV/g]", "traps [1/px]"]);
@@ -203,9 +227,10 @@ impl Assessment {
                     false => format!("{:.2}", dose.active_years(year.t_yr)),
                 },
                 format!("{:.3e}", year.dose_mev_g),
-                format!("{:.4}", year.traps.iter().map(|species| species.density_per_px).sum::<f64>()),
+                format!("{:.4}", all_traps(year)),
             ]);
         }
+        out.heading("Dose and traps");
         out.table(doses);
         if years.iter().any(|year| year.traps.len() > 1) {
             out.heading("Trap densities by species [1/px]");
@@ -214,17 +239,17 @@ impl Assessment {
             }
         }
         self.release_times(out);
+        out.heading("Change of ellipticity, delta e1");
+        for changes in changes(years, model.mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()) {
+            out.table(changes);
+        }
     }
 
-    /// Release times at the end of the mission, if they are not those of the mission file: at another temperature.
+    /// Release times at the end of the mission, at the operating temperature.
     fn release_times(&self, out: &mut Parts) {
         let Evaluation { model, years, .. } = &self.evaluation;
         let traps = &years.last().expect("a mission has an end").traps;
-        let quoted = |species: &&SpeciesState| {
-            let quoted = model.mission.detector.traps.iter().find(|quoted| quoted.name == species.name);
-            quoted.is_none_or(|quoted| (species.release_ms / quoted.release_ms - 1.0).abs() < 1e-9)
-        };
-        if traps.iter().all(|species| quoted(&species)) {
+        if traps.is_empty() {
             return;
         }
         let time = |species: &SpeciesState| format!("{} {} ms", species.name, significant(species.release_ms));
@@ -235,9 +260,14 @@ impl Assessment {
     fn at_the_end(&self, out: &mut Parts) {
         let Evaluation { model, years, .. } = &self.evaluation;
         let mission = &model.mission;
-        out.heading(format!("At the end of the mission, after {} yr", mission.mission.duration_yr));
-        let mut end_table = table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
         let end = years.last().expect("a mission has an end");
+        out.heading(format!(
+            "At the end, after {} yr: {:.3e} MeV/g, {:.4} traps per pixel",
+            mission.mission.duration_yr,
+            end.dose_mev_g,
+            all_traps(end)
+        ));
+        let mut end_table = table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
         for (galaxy, change) in mission.galaxies.iter().zip(&end.galaxies) {
             let cell = |value: fn(&ShapeChange) -> String| change.as_ref().map_or("lost".into(), value);
             end_table.add_row(vec![
@@ -255,7 +285,6 @@ impl Assessment {
         let Evaluation { model, verdict, .. } = &self.evaluation;
         let mission = &model.mission;
         let requirement = &mission.requirement;
-        out.gap();
         if !requirement.limits_a_galaxy() {
             return;
         }
@@ -270,7 +299,7 @@ impl Assessment {
         let corrected = format!("corrected, factor {}", requirement.correction_factor);
         let width = corrected.len();
         for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
-            out.outcome(name, width, exceeded(crossing, mission.mission.launch.0));
+            out.judged(name, width, exceeded(crossing, mission.mission.launch.0), crossing.t_yr.is_none());
         }
         if let Some(noise) = &self.evaluation.noise {
             noise::say(&self.evaluation, noise, out);
@@ -436,6 +465,11 @@ fn temperature(mission: &Mission) -> String {
         None => format!("{} K", detector.temperature_k),
         Some(file) => format!("temperature history {file}"),
     }
+}
+
+/// Traps of all species, 1/px.
+fn all_traps(year: &Year) -> f64 {
+    year.traps.iter().map(|species| species.density_per_px).sum()
 }
 
 fn date(year: &Year) -> String {

@@ -1,5 +1,10 @@
 //! The content of a report, part by part: the same parts make the text of a terminal and the page of a browser.
 
+use std::fmt::Display;
+use std::io::stdout;
+
+use anstream::{AutoStream, ColorChoice};
+use anstyle::AnsiColor;
 use comfy_table::Table;
 use maud::{Markup, html};
 
@@ -17,15 +22,41 @@ enum Part {
     /// A heading.
     Heading(String),
     /// A paragraph, indented by `indent` columns from the second line on.
-    Words { text: String, indent: usize, verdict: bool },
+    Words { text: String, indent: usize, verdict: bool, tone: Tone },
     /// One of several outcomes, whose names are `width` columns wide.
-    Outcome { name: String, width: usize, text: String },
+    Outcome { name: String, width: usize, text: String, tone: Tone },
     /// Rows of cells.
     Table(Table),
     /// TOML, to be copied.
     Code(String),
     /// An empty line; pages have their own spacing.
     Gap,
+}
+
+/// What a line means, shown by its colour on a terminal.
+#[derive(Clone, Copy)]
+enum Tone {
+    Plain,
+    Met,
+    Exceeded,
+    Warning,
+}
+
+impl Tone {
+    /// Lines in the colour of what they mean, if standard output takes colours: not a pipe, not with NO_COLOR.
+    fn of(self, lines: &str) -> String {
+        let colour = match self {
+            Tone::Plain => return lines.into(),
+            Tone::Met => AnsiColor::Green,
+            Tone::Exceeded => AnsiColor::Red,
+            Tone::Warning => AnsiColor::Yellow,
+        };
+        if AutoStream::choice(&stdout()) == ColorChoice::Never {
+            return lines.into();
+        }
+        let style = colour.on_default();
+        lines.lines().map(|line| format!("{style}{line}{style:#}\n")).collect()
+    }
 }
 
 impl Parts {
@@ -41,24 +72,36 @@ impl Parts {
 
     /// A paragraph, indented by `indent` columns from the second line on.
     pub fn words(&mut self, text: impl Into<String>, indent: usize) {
-        self.0.push(Part::Words { text: text.into(), indent, verdict: false });
+        self.0.push(Part::Words { text: text.into(), indent, verdict: false, tone: Tone::Plain });
     }
 
     /// The same for the main result: a page begins with it.
     pub fn verdict(&mut self, text: impl Into<String>, indent: usize) {
-        self.0.push(Part::Words { text: text.into(), indent, verdict: true });
+        self.0.push(Part::Words { text: text.into(), indent, verdict: true, tone: Tone::Plain });
     }
 
     /// Warnings, which belong to the main result.
     pub fn warnings<'a>(&mut self, warnings: impl IntoIterator<Item = &'a Warning>) {
         for warning in warnings {
-            self.verdict(format!("Warning: {warning}"), 2);
+            self.warning(warning);
         }
+    }
+
+    /// A warning, in words.
+    pub fn warning(&mut self, warning: impl Display) {
+        let text = format!("Warning: {warning}");
+        self.0.push(Part::Words { text, indent: 2, verdict: true, tone: Tone::Warning });
     }
 
     /// One of several outcomes, listed below each other in text, with names `width` columns wide.
     pub fn outcome(&mut self, name: &str, width: usize, text: impl Into<String>) {
-        self.0.push(Part::Outcome { name: name.into(), width, text: text.into() });
+        self.0.push(Part::Outcome { name: name.into(), width, text: text.into(), tone: Tone::Plain });
+    }
+
+    /// The same for a budget that is met or exceeded.
+    pub fn judged(&mut self, name: &str, width: usize, text: impl Into<String>, met: bool) {
+        let tone = if met { Tone::Met } else { Tone::Exceeded };
+        self.0.push(Part::Outcome { name: name.into(), width, text: text.into(), tone });
     }
 
     /// A table.
@@ -81,8 +124,8 @@ impl Parts {
         let text = |part: &Part| match part {
             Part::Title(of, what) => wrapped(&format!("{of}: {what}"), 2),
             Part::Heading(text) => format!("\n{text}\n"),
-            Part::Words { text, indent, .. } => wrapped(text, *indent),
-            Part::Outcome { name, width, text } => wrapped(&format!("  {name:width$}  {text}"), 4),
+            Part::Words { text, indent, tone, .. } => tone.of(&wrapped(text, *indent)),
+            Part::Outcome { name, width, text, tone } => tone.of(&wrapped(&format!("  {name:width$}  {text}"), 4)),
             Part::Table(table) => lines(table),
             Part::Code(text) => indented(text),
             Part::Gap => "\n".into(),

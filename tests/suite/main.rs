@@ -66,3 +66,4 @@ mod temperature_history;
 mod trap_map;
 mod tutorial;
 mod units;
+mod verdict_first;

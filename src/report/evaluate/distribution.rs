@@ -22,7 +22,7 @@ const NAMED_FROM: f64 = 0.01;
 pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
     let what =
         if mission.requirement.limits_a_galaxy() { "Date of |delta e| as a distribution" } else { "Distribution" };
-    out.heading(format!("{what}: {} of {}", counted(found.samples as u64, "draw"), drawn(found)));
+    out.heading(format!("{what}: {}", draws_of(found)));
     let mut legend = String::new();
     if mission.requirement.limits_a_galaxy() {
         out.table(dates_of(found, mission));
@@ -81,6 +81,11 @@ pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) 
             None => {}
         }
     }
+}
+
+/// How many draws, and of what.
+pub(super) fn draws_of(found: &DateDistribution) -> String {
+    format!("{} of {}", counted(found.samples as u64, "draw"), drawn(found))
 }
 
 /// What was drawn.

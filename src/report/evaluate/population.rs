@@ -1,17 +1,19 @@
 //! Shear biases of a population, in words.
 
+use super::Depth;
 use crate::mission::keys::plain;
 use crate::mission::{Mission, PopulationNoise};
 use crate::plan::population::{Camera, Estimated, PopulationBias};
 use crate::report::{Parts, exceeded, table};
 
-/// Biases by year.
-pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
+/// Biases by year, or at the end of the mission.
+pub(super) fn say(biases: &PopulationBias, mission: &Mission, depth: Depth, out: &mut Parts) {
     let Some(population) = &mission.population else { return };
     let whole = if biases.evaluated < biases.galaxies { format!(" of {}", biases.galaxies) } else { String::new() };
     out.heading(format!("Shear biases of the population: {}{whole} galaxies", biases.evaluated));
     let mut years = table(&["t [yr]", "c1", "+-", "c2", "+-", "m1", "+-", "m2", "+-"]);
-    for (t_yr, bias) in &biases.years {
+    let from = if depth == Depth::Whole { 0 } else { biases.years.len().saturating_sub(1) };
+    for (t_yr, bias) in &biases.years[from..] {
         let cells = bias.c.iter().chain(&bias.m).flat_map(|estimated: &Estimated| {
             let error = estimated.error.map_or("-".into(), |error| format!("{error:.0e}"));
             [format!("{:+.2e}", estimated.value), error]
@@ -53,14 +55,15 @@ pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
         ),
         2,
     );
+}
+
+/// Galaxies that are left out.
+pub(super) fn warn(biases: &PopulationBias, out: &mut Parts) {
     if biases.lost > 0 {
         let lost = biases.lost;
-        out.verdict(
-            format!(
-                "Warning: {lost} galaxies have no measurable shape, before or after the readout: they are left out"
-            ),
-            2,
-        );
+        out.warning(format!(
+            "{lost} galaxies have no measurable shape, before or after the readout: they are left out"
+        ));
     }
 }
 
@@ -73,7 +76,7 @@ pub(super) fn judge(biases: &PopulationBias, mission: &Mission, out: &mut Parts)
         let corrected = format!("corrected, factor {factor}");
         let width = corrected.len();
         for (how, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
-            out.outcome(how, width, exceeded(crossing, mission.mission.launch.0));
+            out.judged(how, width, exceeded(crossing, mission.mission.launch.0), crossing.t_yr.is_none());
         }
     }
 }
