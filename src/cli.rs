@@ -19,6 +19,7 @@ mod init;
 mod inputs;
 mod measure;
 mod number_argument;
+mod predict;
 mod schema;
 mod shell;
 mod study;
@@ -62,6 +63,8 @@ enum Command {
     Dose(dose::Dose),
     /// Compare the model with measurements: residuals, and their trends against each condition
     Validate(validate::Validate),
+    /// Predict observables under the conditions of a table, with simulated noise if requested: a measurement file
+    Predict(predict::Predict),
     /// Fit the parameters in [fit] free or --free to measurements: values with errors and correlations
     Fit(fit::Fit),
     /// Find the physical effect that the model lacks: calibrated against noise, confirmed on held-out rows, and added
@@ -144,6 +147,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Catalogue(command) => command.run(),
         Command::Dose(command) => command.run(),
         Command::Validate(command) => command.run(),
+        Command::Predict(command) => command.run(),
         Command::Fit(command) => command.run(),
         Command::Diagnose(command) => command.run(),
         Command::Readout(command) => command.run(),

@@ -53,6 +53,7 @@ mod radiation_files;
 mod readout;
 mod robust;
 mod shown;
+mod simulated;
 mod skipped;
 mod slurm;
 mod solar_events;

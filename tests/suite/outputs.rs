@@ -30,6 +30,7 @@ const CASES: &[Case] = &[
     case("dose @mission.toml", DRAWN),
     case("sweep @grid.toml", &["--output"]),
     case("validate @mission.toml @trails.ecsv @packets.ecsv", &["--plots", "--html", "--residuals"]),
+    case("predict @mission.toml @trails.ecsv", &["--out"]),
     case(
         "fit @mission.toml @trails.ecsv --free detector.well_fill_power --posterior 10",
         &["--plots", "--html", "--write", "--out"],
