@@ -17,6 +17,7 @@ mod frame_argument;
 mod frames;
 mod init;
 mod inputs;
+pub mod interrupted;
 mod measure;
 mod number_argument;
 mod predict;

@@ -57,6 +57,9 @@ mod ended {
         thread::Builder::new().name("signals".into()).spawn(move || {
             if let Some(signal) = signals.forever().next() {
                 ctiplan::io::atomic_file::remove_unfinished();
+                if let Some(advice) = ctiplan::cli::interrupted::advice() {
+                    eprintln!("\n{advice}");
+                }
                 // It returns only if it fails.
                 let _ = emulate_default_handler(signal);
                 process::abort();

@@ -5,10 +5,10 @@ use std::env;
 use clap::Args;
 
 use super::number_argument::whole;
-use super::{Failure, Outcome, Output, print, progress, say};
+use super::{Failure, Outcome, Output, interrupted, print, progress, say};
 use crate::cli::file_argument::{InputFile, ResumedFile};
 use crate::report::SweepReport;
-use crate::sweep::{self, Grid, Parts, Shard};
+use crate::sweep::{self, Grid, Parts, Shard, quoted};
 
 #[derive(Debug, Args)]
 pub(super) struct Sweep {
@@ -63,13 +63,24 @@ impl Sweep {
         Ok(Outcome::Done)
     }
 
+    fn how_to_go_on(&self) -> String {
+        let (grid, output) = (quoted(&self.grid), quoted(&self.output));
+        let shard = self.shard.map_or(String::new(), |shard| format!(" --shard {}/{}", shard.number, shard.of));
+        format!(
+            "interrupted: finished points are kept beside the output; the same command goes on from there:\n  ctiplan sweep {grid} \
+             --output {output}{shard}"
+        )
+    }
+
     fn compute(&self, parts: &Parts) -> Result<sweep::Done, Failure> {
         let bar = progress(0, "points");
         let plan = |points| {
             bar.set_length(points);
             bar.reset_eta();
         };
+        interrupted::say_then(Some(self.how_to_go_on()));
         let done = sweep::run(parts, self.shard, plan, || bar.inc(1));
+        interrupted::say_then(None);
         bar.finish_and_clear();
         Ok(done?)
     }

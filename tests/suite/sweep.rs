@@ -131,6 +131,24 @@ fn a_sweep_that_is_killed_goes_on_where_it_was() {
     assert_eq!(place.names(), ["all.csv", "grid.toml", "snap_l2.toml"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupted_sweep_says_how_to_go_on() {
+    let place = Place::with(GRID);
+    let child = place.command("all.csv", &[]).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let start = Instant::now();
+    while parts(&place.path("all.csv.parts")) == 0 {
+        assert!(start.elapsed() < Duration::from_secs(60), "no parts after a minute");
+        sleep(Duration::from_millis(1));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let ended = child.wait_with_output().unwrap();
+    assert!(!ended.status.success());
+    let said = String::from_utf8(ended.stderr).unwrap();
+    assert!(said.ends_with("  ctiplan sweep grid.toml --output all.csv\n"), "{said}");
+    assert!(place.json("all.csv", &[])["found_points"].as_u64().unwrap() > 0);
+}
+
 #[test]
 fn shards_make_the_same_file_as_one_run_whatever_their_number_and_threads() {
     let whole = Place::with(GRID);
