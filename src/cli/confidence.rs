@@ -12,7 +12,7 @@ pub(super) struct Confident {
     #[arg(long, alias = "confidence", value_name = "P", value_parser = probability)]
     probability: Option<f64>,
     /// Draws of each mission, with --probability
-    #[arg(long, value_name = "N", requires = "probability", default_value_t = 400)]
+    #[arg(long, alias = "draws", value_name = "N", requires = "probability", default_value_t = 400)]
     #[arg(value_parser = whole(20_u32..=65_536))]
     samples: u32,
 }

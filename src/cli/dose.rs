@@ -26,10 +26,10 @@ pub(super) struct Dose {
     /// Print the calculation from the particle spectrum to the dose, in ten steps with their numbers
     #[arg(long)]
     explain: bool,
-    /// Number of draws of the Sun as events: prints quantiles of the dose, year by year
-    #[arg(long, value_name = "N", value_parser = whole(100_u32..=100_000))]
+    /// Draws of the Sun as events: prints quantiles of the dose, year by year
+    #[arg(long, alias = "draws", value_name = "N", value_parser = whole(100_u32..=100_000))]
     samples: Option<u32>,
-    /// Seed of the samples, in place of the mission's
+    /// Seed of the draws, in place of the mission's
     #[arg(long, value_name = "SEED", requires = "samples")]
     seed: Option<u64>,
     #[command(flatten)]

@@ -26,7 +26,7 @@ pub(super) struct Evaluate {
     seed: Option<u64>,
     /// Draws of the mission, for the date as a distribution: its Sun and its [uncertainty]; 0: none. 200 at most where shapes cannot
     /// be emulated
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = whole(0_u32..=65_536))]
+    #[arg(long, alias = "draws", value_name = "N", default_value_t = 1000, value_parser = whole(0_u32..=65_536))]
     samples: u32,
     /// Draw keys from a posterior (`ctiplan fit --posterior N --out FILE`) in place of their uncertainties
     #[arg(long, value_name = "FILE")]

@@ -20,7 +20,7 @@ pub(super) struct Calibration {
     #[arg(long, alias = "confidence", value_name = "P", default_value_t = default().probability, value_parser = probability)]
     probability: f64,
     /// Draws of the Sun
-    #[arg(long, value_name = "N", default_value_t = default().samples, value_parser = whole(20_u32..=65_536))]
+    #[arg(long, alias = "draws", value_name = "N", default_value_t = default().samples, value_parser = whole(20_u32..=65_536))]
     samples: u32,
     /// Seed of the draws [default: the mission's]
     #[arg(long, value_name = "N")]

@@ -12,7 +12,7 @@ pub(super) struct Requirement {
     #[arg(long, alias = "confidence", value_name = "P", default_value = "0.9", value_parser = probability_or_none)]
     probability: f64,
     /// Draws of each mission
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = whole(20_u32..=65_536))]
+    #[arg(long, alias = "draws", value_name = "N", default_value_t = 1000, value_parser = whole(20_u32..=65_536))]
     samples: u32,
 }
 
