@@ -11,6 +11,7 @@ mod dose;
 mod drawn;
 mod effects;
 mod evaluate;
+mod examples;
 pub mod file_argument;
 mod fit;
 mod frame_argument;
@@ -128,7 +129,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 /// Runs the program with these arguments (the first is its name) and returns its exit status.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let parsed = with_negative_numbers(Cli::command()).try_get_matches_from(&arguments);
+    let parsed = with_negative_numbers(examples::below(Cli::command())).try_get_matches_from(&arguments);
     let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
     let (cli, matches) = match parsed {
         Ok(parsed) => parsed,

@@ -6,6 +6,7 @@ use clap::{Args, Command, CommandFactory};
 use clap_complete::{Shell, generate};
 use clap_mangen::Man;
 
+use super::examples::below;
 use super::{Cli, Failure, Outcome, say};
 use crate::cli::file_argument::{OutputFolder, Overwrite};
 use crate::io::atomic_file;
@@ -19,7 +20,7 @@ pub(super) struct Completions {
 impl Completions {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let mut script = Vec::new();
-        generate(self.shell, &mut Cli::command(), "ctiplan", &mut script);
+        generate(self.shell, &mut below(Cli::command()), "ctiplan", &mut script);
         say(str::from_utf8(&script).expect("clap's completions are text"))?;
         Ok(Outcome::Done)
     }
@@ -37,7 +38,7 @@ pub(super) struct ManPages {
 impl ManPages {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         atomic_file::folder(&self.folder)?;
-        let mut program = Cli::command().disable_help_subcommand(true);
+        let mut program = below(Cli::command()).disable_help_subcommand(true);
         program.build();
         pages(program, &self.folder)?;
         Ok(Outcome::Done)

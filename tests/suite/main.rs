@@ -26,6 +26,7 @@ mod flight_measurements;
 mod from_the_mission;
 mod fuzzed;
 mod galaxy_golden;
+mod helped;
 mod hindcast;
 mod html;
 mod images;
