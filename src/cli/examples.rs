@@ -31,7 +31,7 @@ const EXAMPLES: [(&str, [&str; 2]); 18] = [
             "ctiplan catalogue mission.toml galaxies.csv --at 1 --out changes.ecsv",
         ],
     ),
-    ("dose", ["ctiplan dose mission.toml --explain", "ctiplan dose mission.toml --energies-mev 10,30,100"]),
+    ("dose", ["ctiplan dose mission.toml --explain", "ctiplan dose mission.toml --energies 10,30,100"]),
     (
         "validate",
         [
