@@ -127,7 +127,8 @@ fn pages_count_effects_and_studies_as_the_program_does() {
     let help = Command::new(env!("CARGO_BIN_EXE_ctiplan")).args(["study", "--help"]).output().unwrap().stdout;
     let help = String::from_utf8(help).unwrap();
     let is_command = |line: &&str| line.strip_prefix("  ").is_some_and(|rest| rest.starts_with(char::is_alphabetic));
-    let studies = help.lines().filter(is_command).filter(|line| !line.trim().starts_with("help")).count();
+    let commands = help.lines().skip_while(|line| *line != "Commands:").take_while(|line| !line.is_empty());
+    let studies = commands.filter(is_command).filter(|line| !line.trim().starts_with("help")).count();
     // A formula is the user's.
     let effects = CATALOGUE.len() - 1;
     let mut found = [0, 0];
