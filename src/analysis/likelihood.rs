@@ -43,6 +43,16 @@ pub struct Errors {
     pub minus_2_ln_l: f64,
 }
 
+/// Probability of being right below which a row is called wrong: as likely wrong as not.
+const CALLED_WRONG: f64 = 0.5;
+
+impl Errors {
+    /// The rows that are called wrong, by their index in the file.
+    pub fn wrong(&self) -> impl Iterator<Item = usize> {
+        self.right.iter().enumerate().filter(|(_, right)| **right < CALLED_WRONG).map(|(row, _)| row)
+    }
+}
+
 /// What stays the same while models change: the files' errors as quoted, and which rows are neighbours.
 pub struct Likelihood {
     files: Vec<File>,

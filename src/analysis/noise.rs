@@ -13,9 +13,6 @@ const CLEAR: f64 = 3.5;
 const SIGNIFICANT: f64 = 2.0;
 const SMALLER: f64 = 4.0;
 
-/// Probability of being right below which a row is wrong.
-const WRONG: f64 = 0.5;
-
 /// Rows among which one may be wrong.
 const ROWS_OF_A_WRONG_ONE: usize = 20;
 
@@ -89,7 +86,7 @@ pub(crate) fn of(likelihood: &Likelihood, data: &[DataSet], errors: &[Errors], o
         let pedestal = likelihood.pedestal(index, here);
         let constant = pedestal.filter(|_| here.has_pedestal);
         let first = likelihood.rows(index).start;
-        let wrong = here.right.iter().enumerate().filter(|(_, right)| **right < WRONG).map(|(row, _)| WrongRow {
+        let wrong = here.wrong().map(|row| WrongRow {
             row,
             line: set.table.lines.get(row).copied(),
             off_sigma: (off[first + row] - constant.map_or(0.0, |(value, _)| value)) / (scale * set.rows[row].sigma),

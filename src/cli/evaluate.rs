@@ -38,7 +38,7 @@ pub(super) struct Evaluate {
     #[arg(long, alias = "confidence", value_name = "P", value_parser = probability)]
     probability: Option<f64>,
     /// Print the verdict and the warnings alone
-    #[arg(short = 'q', long, conflicts_with_all = ["verbose", "json", "csv"])]
+    #[arg(short = 'q', long, alias = "quiet", conflicts_with_all = ["verbose", "json", "csv"])]
     brief: bool,
     /// Print every year, every trap species and the release times too
     #[arg(short, long, conflicts_with_all = ["json", "csv"])]

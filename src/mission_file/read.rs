@@ -116,6 +116,24 @@ pub(crate) fn read_text(path: &Path) -> Result<String, InputError> {
     input::text(path).map_err(|problem| InputError::new(refused(path), problem))
 }
 
+/// What to write in the place of a line that is no TOML.
+fn remedy(problem: &str, line: &str) -> String {
+    let value = line.split_once('=').map_or("", |(_, value)| value.trim());
+    let are_digits = |part: &str| !part.is_empty() && part.chars().all(|letter| letter.is_ascii_digit());
+    let parts = |separator: char| value.split(separator).collect::<Vec<_>>();
+    match (&parts(',')[..], &parts('.')[..]) {
+        ([whole, decimals], _) if are_digits(whole.trim_start_matches('-')) && are_digits(decimals) => {
+            format!("numbers have a decimal point: {whole}.{decimals}")
+        }
+        (_, [day, month, year]) if [day, month, year].into_iter().all(|part| are_digits(part)) && year.len() == 4 => {
+            format!("dates are YYYY-MM-DD, without quotes: {year}-{month:0>2}-{day:0>2}")
+        }
+        _ if problem.starts_with("invalid date") => "dates are YYYY-MM-DD, without quotes".into(),
+        _ if problem.starts_with("duplicate key") => "the key is given twice: remove one of the two lines".into(),
+        _ => "the file must be TOML: [section] lines and key = value lines, words in quotes".into(),
+    }
+}
+
 /// A mission text, parsed, with the locations of its values.
 struct Source<'a> {
     refused: String,
@@ -135,17 +153,14 @@ impl<'a> Source<'a> {
         }
         let document = DeTable::parse(text).map_err(|error| {
             let line = error.span().map(|span| line_at(text, span.start));
-            let help = if error.message().starts_with("invalid date") {
-                "dates are YYYY-MM-DD, without quotes"
-            } else {
-                "the file must be TOML: [section] lines and key = value lines, words in quotes"
-            };
+            let written = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default();
+            let help = remedy(error.message(), written);
             InputError {
                 refused: refused.clone(),
                 place: line
                     .map(|line| format!("line {line}: {}", shortened(text.lines().nth(line - 1).unwrap_or("").trim()))),
                 problem: error.message().replace('\n', " "),
-                help: Some(help.into()),
+                help: Some(help),
             }
         })?;
         Ok(Source { refused, text, document: document.into_inner(), folder: Path::new(""), lines })
@@ -1192,4 +1207,23 @@ fn set(table: &mut toml::Table, path: &str, value: Value) {
         None => table.entry(first).or_insert_with(|| Value::Table(toml::Table::new())).as_table_mut(),
     };
     set(inner.expect("a table that was checked"), rest, value);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_is_no_toml_gets_the_remedy_of_its_mistake() {
+        for (line, remedy) in [
+            ("duration_yr = 10,5", "numbers have a decimal point: 10.5"),
+            ("launch = 01.06.2027", "dates are YYYY-MM-DD, without quotes: 2027-06-01"),
+            ("launch = 2027-13-01", "dates are YYYY-MM-DD, without quotes"),
+            ("name = \"a\"\nname = \"b\"", "the key is given twice: remove one of the two lines"),
+            ("name = a", "the file must be TOML"),
+        ] {
+            let refusal = Mission::parse(&format!("[mission]\n{line}\n")).unwrap_err().to_string();
+            assert!(refusal.contains(remedy), "{line}: {refusal}");
+        }
+    }
 }

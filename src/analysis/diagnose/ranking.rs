@@ -12,9 +12,6 @@ use crate::analysis::measurement::DataSet;
 /// Sets listed: −2 ln Z within this of the best, 22 000 to 1; and the mission as given.
 const LISTED: f64 = 20.0;
 
-/// Probability of being right below which a row is wrong.
-const WRONG: f64 = 0.5;
-
 /// Sets of effects, best evidence first.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ranking {
@@ -134,14 +131,13 @@ fn ranked(one: &Explanation, effects: Vec<String>, data: &[DataSet], likelihood:
     });
     let of_file = |(index, errors): (usize, &Errors)| {
         let set = &data[index];
-        let wrong = errors.right.iter().enumerate().filter(|(_, right)| **right < WRONG);
         let pedestal = likelihood.pedestal(index, errors).filter(|_| errors.has_pedestal);
         FileErrors {
             file: set.file.clone(),
             scale: errors.scale,
             correlation: errors.correlation,
             pedestal: pedestal.map(|(value, _)| value),
-            outliers: wrong.map(|(row, _)| set.table.lines.get(row).copied().unwrap_or(row + 1)).collect(),
+            outliers: errors.wrong().map(|row| set.table.lines.get(row).copied().unwrap_or(row + 1)).collect(),
         }
     };
     RankedSet {

@@ -26,10 +26,7 @@ const SCAN_LN: [f64; 6] = [-3.0, -1.5, -0.7, 0.7, 1.5, 3.0];
 impl SetSearch<'_> {
     /// A set from its values of least squares: rows that look wrong may be right at other values, where slopes without them never lead.
     pub(super) fn with_all_rows(&self, one: &Explanation) -> Option<Explanation> {
-        let is_wrong = |errors: &Errors| errors.right.iter().any(|right| *right < 0.5);
-        if !one.errors.iter().any(is_wrong) {
-            return None;
-        }
+        one.errors.iter().flat_map(Errors::wrong).next()?;
         let moving = one.unknowns.iter().filter(|unknown| unknown.prior.is_some());
         let keys: Vec<String> = moving.map(|unknown| unknown.parameter.key.clone()).collect();
         let mission = self.least_squares(&one.mission, &keys)?;
