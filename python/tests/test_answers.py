@@ -103,7 +103,7 @@ def test_a_diagnosis_finds_the_missing_effect(diagnosed, data):
     assert (diagnosis.verdict, diagnosis.added) == ("missing", ("extra-species",))
     assert [rung.effect for rung in diagnosis.ladder] == [None, "extra-species"]
     assert diagnosis.ladder[1].chi2 < diagnosis.ladder[0].chi2
-    # The ladder allows for a constant pedestal of each file as well.
+    # The mission that was found has the chi2 of the ladder, but for the digits of its values.
     assert diagnosis.ladder[1].chi2 <= cp.validate(diagnosis.mission, data).chi2 < diagnosis.ladder[1].chi2 + 1
     assert len({stage for stage, _, _ in stages}) > 1
 
