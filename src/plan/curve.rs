@@ -3,7 +3,7 @@
 //! A quantity such as |Δe|(t) jumps where dose or annealing is instantaneous, bends where the dose rate changes, and is smooth in
 //! between. It is computed on both sides of each jump and at each bend ([`Model::times_yr`]). What is added in between depends on its cost:
 //!
-//! - few values ([`crossings`]): points are added until a parabola through three neighbours shows that no crossing of given limits is
+//! - few values (`crossings`): points are added until a parabola through three neighbours shows that no crossing of given limits is
 //!   missed: the curve stays on one side of the limit, or crosses it once. Crossings are roots of the quantity.
 //! - many values, from few readouts ([`Curve::sampled`]): points are added until the curve is straight between them, and gives the
 //!   crossing of any limit.
