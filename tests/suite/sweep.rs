@@ -141,7 +141,7 @@ fn an_interrupted_sweep_says_how_to_go_on() {
         assert!(start.elapsed() < Duration::from_secs(60), "no parts after a minute");
         sleep(Duration::from_millis(1));
     }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
     let ended = child.wait_with_output().unwrap();
     assert!(!ended.status.success());
     let said = String::from_utf8(ended.stderr).unwrap();
