@@ -13,8 +13,8 @@
 //!
 //! The second component is that of rows that are wrong (Box & Tiao 1968, Biometrika 55, 119). Common errors U b are linear, with
 //! unit Gaussian priors on b, and integrated over: their price is the determinant. The scale and the correlation have priors as
-//! wide as quoted errors are usually wrong. Correlation never makes errors smaller than quoted: where ρ > 0, s is at least 1. So a factor 1.4 on all errors costs 0.9, a factor 3 costs 9.9, and a wrong row about
-//! 12; none of it is an exception.
+//! wide as quoted errors are usually wrong. Correlation never makes errors smaller than quoted: where ρ > 0, s is at least 1. So a
+//! factor 1.4 on all errors costs 0.9, a factor 3 costs 9.9, and a wrong row about 12; none of it is an exception.
 
 mod file;
 pub(crate) mod series;

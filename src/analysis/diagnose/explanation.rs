@@ -21,21 +21,29 @@ use crate::model::Model;
 use crate::model::predict::predict;
 use crate::numeric::parallel;
 
-/// Decrease of −2 ln L, as predicted, that ends a fit; and of a first, rough one: both are far below the 6.6 that decide.
+/// Decrease of −2 ln L, as predicted, that ends a fit: far below the 6.6 that decide.
 const SETTLED: f64 = 0.01;
+
+/// The same for a rough fit, which only chooses between starts: the best two of them are followed to their end.
 const ROUGHLY: f64 = 0.3;
 
-/// Steps of a fit at most, and of a rough one, which only chooses between starts.
+/// Steps of a fit at most.
 const STEPS: usize = 40;
+
+/// Steps of a rough fit: at most 1.5 in a logarithm each (`Prior::longest`), six reach a factor of e⁹ = 8000.
 const FEW_STEPS: usize = 6;
 
 /// Share of the predicted decrease below which derivatives are computed anew.
 const POOR: f64 = 0.5;
 
-/// Damping of the first step after a failure, its factor, and its limit, at which a step changes nothing to single precision (Levenberg
-/// 1944, Quart. Appl. Math. 2, 164; the speed of a fit depends on them, its minimum does not).
+/// Damping of the first step after a failure (Levenberg 1944, Quart. Appl. Math. 2, 164): a hundredth of the curvature.
 const DAMPED: f64 = 1e-2;
+
+/// Factor of the damping at each further failure: the tenth root of 1e9, rounded, so that ten evaluations lead from [`DAMPED`] to
+/// [`MOST_DAMPED`] and end a fit that cannot move.
 const MORE_DAMPED: f64 = 8.0;
+
+/// Damping at which a step is 1e-7 of an undamped one, nothing to single precision.
 const MOST_DAMPED: f64 = 1e7;
 
 /// A free parameter, and its prior; an event's epoch has none, and stays where it is.

@@ -200,8 +200,11 @@ pub(super) fn laws(data: &[DataSet]) -> Vec<Formula> {
     all
 }
 
-/// Epochs that a wave needs, and the ratio of two periods that are tried: a phase error of a tenth of a turn over six turns.
+/// Epochs that a wave needs: its mean, amplitude, phase and period are four numbers, and as many are left to test it.
 const EPOCHS_OF_A_WAVE: usize = 8;
+
+/// Ratio of two periods that are tried. The nearest is off by δ = √1.15 − 1 = 7.2 % at most, and keeps sin(πδN)/(πδN) of the amplitude of a
+/// wave of N turns: 0.93 of three, 0.72 of six.
 const PERIODS: f64 = 1.15;
 
 /// Periods of waves that epochs (ascending, years) can show: from twice their usual interval to their span; a year among them.

@@ -4,23 +4,13 @@ use statrs::statistics::{Data, Median};
 
 use crate::analysis::measurement::DataSet;
 use crate::analysis::whitening::trails;
+use crate::physics::conditions::NAMES;
 
-/// What has to be equal for rows of different epochs to be of one series.
-const SAME: [&str; 10] = [
-    "signal_e",
-    "background_e",
-    "transfers",
-    "line_time_ms",
-    "block_px",
-    "first_px",
-    "last_px",
-    "preceding_e",
-    "preceding_px",
-    "phase_time_ms",
-];
+/// Conditions that may differ between rows of one series: what changes from epoch to epoch, and the pixel of a trail. All others are equal.
+const MAY_DIFFER: [&str; 4] = ["t_yr", "dose_mev_g", "temperature_k", "trail_px"];
 
-/// For each row the one before it, among the wanted ones, in the same trail, or, in a file without trails, in the same time series; and their distance in
-/// usual distances: pixels, or the median interval.
+/// For each row the one before it, among the wanted ones, in the same trail, or, in a file without trails, in the same time series; and
+/// their distance in usual distances: pixels, or the median interval.
 pub(crate) fn neighbours(set: &DataSet, wanted: impl Fn(usize) -> bool) -> Vec<Option<(usize, f64)>> {
     if set.varies_in("trail_px") {
         let links = trails(set, wanted).into_iter();
@@ -30,8 +20,11 @@ pub(crate) fn neighbours(set: &DataSet, wanted: impl Fn(usize) -> bool) -> Vec<O
 }
 
 fn in_time(set: &DataSet, wanted: impl Fn(usize) -> bool) -> Vec<Option<(usize, f64)>> {
-    let conditions: Vec<Vec<f64>> =
-        SAME.iter().filter(|name| set.varies_in(name)).map(|name| set.against(name)).collect();
+    let conditions: Vec<Vec<f64>> = NAMES
+        .iter()
+        .filter(|name| !MAY_DIFFER.contains(name) && set.varies_in(name))
+        .map(|name| set.against(name))
+        .collect();
     let t_yr = set.against("t_yr");
     let series = |a: usize, b: usize| {
         let (row, other) = (&set.rows[a], &set.rows[b]);

@@ -35,9 +35,7 @@ impl SetSearch<'_> {
             Some(Unknown { parameter, prior: unknown.prior })
         });
         let unknowns = unknowns.collect::<Option<Vec<Unknown>>>()?;
-        let choices = self.choices_of(&one.added);
-        let start = Start { added: one.added.clone(), mission, unknowns, choices, known: self.nothing() };
-        let found = self.fitter.fit(&start, None, false).ok()?;
+        let found = self.fitter.fit(&self.start_at(one, mission, unknowns), None, false).ok()?;
         (found.objective() < one.objective()).then_some(found)
     }
 
@@ -46,21 +44,8 @@ impl SetSearch<'_> {
         let least = best(&sets);
         let matters = |one: &Explanation| one.minus_2_ln_z() < least + NEAR;
         let again = |one: &Explanation| {
-            let start = Start {
-                added: one.added.clone(),
-                mission: one.mission.clone(),
-                unknowns: one.unknowns.clone(),
-                choices: self.choices_of(&one.added),
-                known: self.nothing(),
-            };
-            if matters(one) && !one.added.is_empty() {
-                self.fitter
-                    .fit(&start, Some(&one.errors), false)
-                    .ok()
-                    .filter(|found| found.objective() < one.objective())
-            } else {
-                None
-            }
+            let wanted = matters(one) && !one.added.is_empty();
+            wanted.then(|| self.again(one)).flatten().filter(|found| found.objective() < one.objective())
         };
         let better = parallel::map(sets.iter(), again);
         let mut sets: Vec<Explanation> =
@@ -181,13 +166,7 @@ impl SetSearch<'_> {
                 parameter: unknown.parameter.starting_at(*value),
                 prior: unknown.prior,
             });
-            let start = Start {
-                added: one.added.clone(),
-                mission,
-                unknowns: unknowns.collect(),
-                choices: self.choices_of(&one.added),
-                known: self.nothing(),
-            };
+            let start = self.start_at(one, mission, unknowns.collect());
             self.fitter.fit(&start, Some(&errors), false).ok()
         });
         let best = fits.into_iter().flatten().min_by(|a, b| a.objective().total_cmp(&b.objective()));

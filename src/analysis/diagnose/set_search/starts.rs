@@ -128,30 +128,27 @@ impl SetSearch<'_> {
                 .filter_map(|strengths| Some((self.start(line, promise.trial, &strengths, &promise.steps)?, *promise)))
         });
         let starts: Vec<_> = starts.collect();
-        let rough = parallel::map(starts, |(start, promise)| {
-            let found = self.fitter.fit(&start, Some(&promise.errors), true).ok()?;
-            Some((start, found))
-        });
-        let mut rough: Vec<(Start, Explanation)> = rough.into_iter().flatten().collect();
-        rough.sort_by(|a, b| a.1.minus_2_ln_z().total_cmp(&b.1.minus_2_ln_z()));
-        let least = rough.first()?.1.minus_2_ln_z();
-        rough.retain(|(_, found)| found.minus_2_ln_z() < least + WORTH_A_FIT);
+        let rough = parallel::map(starts, |(start, promise)| self.fitter.fit(&start, Some(&promise.errors), true).ok());
+        let mut rough: Vec<Explanation> = rough.into_iter().flatten().collect();
+        rough.sort_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()));
+        let least = rough.first()?.minus_2_ln_z();
+        rough.retain(|found| found.minus_2_ln_z() < least + WORTH_A_FIT);
         rough.truncate(TO_THE_END);
-        let ends = parallel::map(rough, |(start, found)| self.again(&start, &found));
+        let ends = parallel::map(rough, |found| self.again(&found));
         // Forms with more parameters must be worth them.
         ends.into_iter().flatten().min_by(|a, b| a.minus_2_ln_z().total_cmp(&b.minus_2_ln_z()))
     }
 
-    /// A fit to the end from a rough one.
-    pub(super) fn again(&self, start: &Start, rough: &Explanation) -> Option<Explanation> {
-        let start = Start {
-            added: start.added.clone(),
-            mission: rough.mission.clone(),
-            unknowns: rough.unknowns.clone(),
-            choices: start.choices,
-            known: self.nothing(),
-        };
-        self.fitter.fit(&start, Some(&rough.errors), false).ok()
+    /// A fit to the end from where another one ended.
+    pub(super) fn again(&self, one: &Explanation) -> Option<Explanation> {
+        let start = self.start_at(one, one.mission.clone(), one.unknowns.clone());
+        self.fitter.fit(&start, Some(&one.errors), false).ok()
+    }
+
+    /// A start of the same effects at other values.
+    pub(super) fn start_at(&self, one: &Explanation, mission: Mission, unknowns: Vec<Unknown>) -> Start {
+        let choices = self.choices_of(&one.added);
+        Start { added: one.added.clone(), mission, unknowns, choices, known: self.nothing() }
     }
 
     /// The start of a set with one more effect, of some strengths, the other parameters moved as well if that makes sense.
@@ -283,7 +280,7 @@ impl SetSearch<'_> {
             let between = self.fitter.fit(&first, None, true).ok()?;
             let start = self.start(&between, b, &of(strengths[1]), &[])?;
             let rough = self.fitter.fit(&start, None, true).ok()?;
-            self.again(&start, &rough)
+            self.again(&rough)
         };
         parallel::map(wanted, fit).into_iter().flatten().collect()
     }
